@@ -1,11 +1,10 @@
 //! The program as its user meets it: what it prints, what it writes, and its exit status, in words and numbers.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use crate::extent;
-use crate::program::{self, in_the_foreground};
+use crate::program::{self, Run, in_the_foreground};
 use rayo::measure::picture::{Picture, Pixels};
 use rayo::render::{Engine, read};
 use serde_json::{Value, json};
@@ -18,13 +17,6 @@ const SCENE: &str = "picture.png 16 12 1  1 1 1 1 1 5 5 0  1 1 1 0.5 0 0 0 5  1 
 struct Place {
     directory: TempDir,
     variables: Vec<(&'static str, &'static str)>,
-}
-
-/// What a run leaves to see.
-struct Run {
-    status: i32,
-    stdout: String,
-    stderr: String,
 }
 
 impl Place {
@@ -54,10 +46,7 @@ impl Place {
 
     /// Runs the program with arguments that are separated by single spaces.
     fn run(&self, arguments: &str) -> Run {
-        let output = self.command().args(arguments.split(' ').filter(|it| !it.is_empty())).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        let status = output.status.code().unwrap_or_else(|| panic!("`rayo {arguments}` was killed"));
-        Run { status, stdout: text(output.stdout), stderr: text(output.stderr) }
+        Run::of(self.command().args(arguments.split(' ').filter(|it| !it.is_empty())).output().unwrap())
     }
 
     /// Runs a line of the shell in which the program is called rayo.
@@ -87,27 +76,6 @@ impl Place {
 
     fn picture(&self, name: &str) -> Picture {
         read(&self.path(name)).unwrap()
-    }
-}
-
-impl Run {
-    /// Its only line on standard error, and nothing on standard output.
-    #[track_caller]
-    fn summary(&self) -> &str {
-        assert_eq!((self.status, self.stdout.as_str()), (0, ""), "{}", self.stderr);
-        let mut lines = self.stderr.lines();
-        let line = lines.next().unwrap_or_default();
-        assert_eq!(lines.next(), None, "{}", self.stderr);
-        line
-    }
-
-    /// The one JSON document on standard output, and nothing on standard error.
-    #[track_caller]
-    fn json(&self) -> BTreeMap<String, Value> {
-        assert_eq!(self.stderr, "");
-        let document = serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout));
-        assert!(self.stdout.ends_with('\n'));
-        document
     }
 }
 
@@ -984,7 +952,7 @@ fn some_rows_are_those_of_the_whole_picture() {
     (0..16 * 12).filter(|pixel| !(16 * 3..16 * 8).contains(pixel)).for_each(|pixel| whole[pixel] = [0.0; 3]);
     assert!(matches!(part.pixels, Pixels::Rgb32F(part) if part == whole));
 
-    let stats = place.run("render scene.in --rows 3..8 --stats --json -o b.png").json();
+    let stats = place.run("render scene.in --rows 3..8 --stats --json -o b.png").document();
     assert_eq!((&stats["height"], &stats["rays"]), (&json!(5), &json!(16 * 5)));
     place.refuses("render scene.in --rows 3..13 -o b.png", 2, "error: --rows 3..13: the picture has the rows 0..12");
     let run = place.run("render scene.in --rows 8..8 -o b.png");
@@ -1018,8 +986,8 @@ fn stats_in_json_have_these_fields() {
     let place = Place::new();
     for arguments in ["--stats --json", "--json", "--json --quiet"] {
         let run = place.run(&format!("render scene.in --engine rust --size 40x30 --force {arguments}"));
-        assert_eq!(run.status, 0);
-        let json = run.json();
+        assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+        let json = run.document();
         for (name, expected) in [
             ("schema", json!(1)),
             ("engine", json!("rust")),
@@ -1048,19 +1016,18 @@ fn stats_count_the_rays_that_hit() {
         let run = place.run("render scene.in --json --force");
         let warning = "warning: nothing is in front of the camera, which looks along +z from the origin\n";
         assert_eq!(run.stderr, if hits == 0 { warning } else { "" });
-        let run = Run { stderr: String::new(), ..run };
-        assert_eq!(run.json()["hits"], hits, "{triangle}");
+        assert_eq!(run.document()["hits"], hits, "{triangle}");
     }
 }
 
 #[test]
 fn info_tells_what_this_build_and_cpu_have() {
     let place = Place::new();
-    let json = place.run("info --json").json();
+    let json = place.run("info --json").document();
     assert_eq!(json["schema"], 1);
     assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
     for name in ["cpu", "tsc_hz", "isa", "engines", "nasm", "cc", "rustc", "kernel", "hypervisor", "core_hz", "date"] {
-        assert!(json.contains_key(name), "{name}");
+        assert!(json.get(name).is_some(), "{name}");
     }
     // Of a repository, what was checked out; nothing of a package.
     let commit = json["commit"].as_str().unwrap_or_default();
@@ -1266,7 +1233,7 @@ fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
             assert!(far <= if at == 2 { 3 } else { 0 }, "{shape}, file {at}: {far} pixels");
         }
     }
-    let json = place.run("make torus --triangles 1000 -o shape.obj --json").json();
+    let json = place.run("make torus --triangles 1000 -o shape.obj --json").document();
     assert_eq!((&json["schema"], &json["triangles"], &json["shape"]), (&json!(1), &json!(1024), &json!("torus")));
     place.refuses("make torus --triangles 9 -o x.obj --bumps 0.1", 2, "error: --bumps is for the icosphere alone");
     for arguments in ["make cube --triangles 9 -o x.obj", "make torus --triangles 0 -o x.obj", "make torus -o x.obj"] {
@@ -1482,7 +1449,7 @@ fn diff_passes_up_to_the_tolerance() {
 fn diff_prints_one_json_document() {
     let run = images().run("diff a.ppm b.ppm --json");
     assert_eq!(run.status, 1);
-    let json = run.json();
+    let json = run.document();
     for (name, expected) in [
         ("schema", json!(1)),
         ("within_tolerance", json!(false)),

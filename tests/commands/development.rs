@@ -13,11 +13,8 @@ const SCENE: &str = "scenes/tetrahedron.in";
 /// Renders the scene, at 120x90, with these arguments.
 fn render(directory: &Path, name: &str, args: &[&str]) -> Vec<u8> {
     let path = directory.join(name);
-    let output = rayo(
-        ["render", SCENE, "--quiet", "--size", "120x90", "-o", path.to_str().unwrap()].iter().chain(args),
-        ROOT.as_ref(),
-    );
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let arguments = ["render", SCENE, "--quiet", "--size", "120x90", "-o", path.to_str().unwrap()];
+    rayo(arguments.iter().chain(args), ROOT.as_ref()).printed();
     std::fs::read(path).unwrap()
 }
 
@@ -83,9 +80,7 @@ fn samples_along_edges_alone_make_nearly_the_same_picture_of_fewer_rays() {
     let rendered = |scene: &str, more: &[&str]| {
         let path = directory.path().join("a.png");
         let arguments = ["render", scene, "--json", "--size", "800x600", "-o", path.to_str().unwrap()];
-        let output = rayo(arguments.iter().chain(more), ROOT.as_ref());
-        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
-        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let report = rayo(arguments.iter().chain(more), ROOT.as_ref()).document();
         let Pixels::Rgb8(pixels) = read(&path).unwrap().pixels else { panic!("it has bytes") };
         (report["rays"].as_u64().unwrap(), report["hits"].as_u64().unwrap(), pixels)
     };
@@ -116,10 +111,7 @@ fn what_cannot_be_developed_is_refused_with_a_reason() {
         ("a.ppm", &["--samples", "16", "--size", "70000x100"], "--samples 16: each side of an image"),
     ] {
         let path = directory.path().join(name);
-        let output = rayo(["render", SCENE, "-o", path.to_str().unwrap()].iter().chain(args), ROOT.as_ref());
-        let error = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
-        assert!(error.contains(expected), "{args:?}: {error}");
+        rayo(["render", SCENE, "-o", path.to_str().unwrap()].iter().chain(args), ROOT.as_ref()).refuses(expected);
         assert!(!path.exists(), "{args:?} wrote a file");
     }
 }

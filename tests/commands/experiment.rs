@@ -1,26 +1,22 @@
 //! `rayo experiment` through the program: its files, its document against the schema, and what it says of bad requests.
 
 use crate::extent;
-use crate::program;
+use crate::program::{self, Run};
 use std::path::Path;
-use std::process::Output;
 use std::sync::OnceLock;
 
 use crate::schema::errors;
 use serde_json::Value;
 use tempfile::TempDir;
 
-fn rayo(args: &[&str], out: &Path) -> Output {
+fn rayo(args: &[&str], out: &Path) -> Run {
     program::rayo([&["experiment"], args, &["--out", out.to_str().unwrap()]].concat(), Path::new("."))
 }
 
 /// The document of a quick run, and the directory it is in.
 fn quick(args: &[&str]) -> (TempDir, Value) {
     let directory = TempDir::new().unwrap();
-    let args = [&["--quick", "--runs", "1", "--json"], args].concat();
-    let output = rayo(&args, directory.path());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let document = serde_json::from_slice(&output.stdout).unwrap();
+    let document = rayo(&[&["--quick", "--runs", "1", "--json"], args].concat(), directory.path()).document();
     (directory, document)
 }
 
@@ -149,26 +145,20 @@ fn beside_a_process_that_burns_the_same_core_verdicts_are_those_of_a_quiet_run_o
 #[test]
 fn an_engine_that_does_not_exist_is_an_error_that_lists_what_there_is() {
     let directory = TempDir::new().unwrap();
-    let output = rayo(&["--quick", "--engines", "rust,fortran"], directory.path());
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    for part in ["fortran", "reference", "rust", "c", "paper"] {
-        assert!(message.contains(part), "{part} in {message}");
-    }
-    assert!(output.stdout.is_empty());
+    let run = rayo(&["--quick", "--engines", "rust,fortran"], directory.path());
+    ["fortran", "reference", "rust", "c", "paper"].into_iter().for_each(|part| run.refuses(part));
 }
 
 #[test]
 fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_failed() {
     let directory = TempDir::new().unwrap();
     for runs in ["0", "-1", "many"] {
-        let status = rayo(&["--runs", runs], directory.path()).status;
-        assert_eq!(status.code(), Some(2), "{runs}");
+        rayo(&["--runs", runs], directory.path()).refuses(runs);
     }
     let file = directory.path().join("file");
     std::fs::write(&file, "").unwrap();
-    let output = rayo(&["--quick"], &file.join("below"));
-    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+    let run = rayo(&["--quick"], &file.join("below"));
+    assert_eq!(run.status, 1, "{}", run.stderr);
 }
 
 /// By then it has said how long it will take, and hears signals.
@@ -234,9 +224,7 @@ fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_s
         return;
     }
     let directory = TempDir::new().unwrap();
-    let output = rayo(&["--complexity", "--quick", "--runs", "1", "--json"], directory.path());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let document = rayo(&["--complexity", "--quick", "--runs", "1", "--json"], directory.path()).document();
     let schema = serde_json::from_str(include_str!("../../docs/complexity.schema.json")).unwrap();
     assert_eq!(errors(&schema, &document), Vec::<String>::new());
     let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
@@ -254,8 +242,5 @@ fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_s
 #[test]
 fn growing_pictures_are_for_packets_and_none_among_the_engines_is_an_error_that_names_them() {
     let directory = TempDir::new().unwrap();
-    let output = rayo(&["--complexity", "--engines", "rust"], directory.path());
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains("sse41, avx2 or avx512"), "{message}");
+    rayo(&["--complexity", "--engines", "rust"], directory.path()).refuses("sse41, avx2 or avx512");
 }

@@ -474,28 +474,31 @@ mod command {
     use std::collections::BTreeSet;
     use std::fs;
     use std::path::Path;
-    use std::process::{Command, Output};
+    use std::process::Command;
     use std::sync::OnceLock;
 
     use crate::extent;
+    use crate::program::{Run, rayo};
     use serde_json::Value;
 
-    fn run_as(program: &Path, args: &[&str]) -> Output {
-        Command::new(program).arg("ops").args(args).output().unwrap()
+    fn run(args: &[&str]) -> Run {
+        rayo([&["ops"], args].concat(), Path::new("."))
     }
 
-    fn run(args: &[&str]) -> Output {
-        run_as(Path::new(env!("CARGO_BIN_EXE_rayo")), args)
+    /// What it prints.
+    fn text(args: &[&str]) -> String {
+        run(args).printed().to_owned()
     }
 
-    fn text(output: &Output) -> String {
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout.clone()).unwrap()
+    /// A run that another program starts, which has these options.
+    fn under(program: &str, options: &[&str], args: &[&str]) -> Run {
+        let ops = [env!("CARGO_BIN_EXE_rayo"), "ops", "--op", "add", "--engine", "paper", "--executed"];
+        Run::of(Command::new(program).args([options, &ops, args].concat()).output().unwrap())
     }
 
     #[test]
     fn the_document_has_the_fields_that_the_design_names() {
-        let document: Value = serde_json::from_str(&text(&run(&["--op", "dot", "--executed", "--json"]))).unwrap();
+        let document = run(&["--op", "dot", "--executed", "--json"]).document();
         assert_eq!(document["schema"], 1);
         let rows = document["rows"].as_array().unwrap();
         assert_eq!(rows.len(), 14);
@@ -521,19 +524,19 @@ mod command {
         if !Command::new("strip").arg(&copy).status().is_ok_and(|status| status.success()) {
             extent::not_run("strip", "counts survive strip");
         }
-        let counts = |output: &Output| {
-            let document: Value = serde_json::from_str(&text(output)).unwrap();
+        let counts = |document: Value| {
             let rows = document["rows"].as_array().unwrap().iter();
             rows.map(|row| ["implementation", "body", "function", "executed"].map(|name| row[name].clone()))
                 .collect::<Vec<_>>()
         };
         let args = ["--op", "cross", "--executed", "--json"];
-        assert_eq!(counts(&run_as(&copy, &args)), counts(&run(&args)));
+        let by_copy = Run::of(Command::new(&copy).arg("ops").args(args).output().unwrap());
+        assert_eq!(counts(by_copy.document()), counts(run(&args).document()));
     }
 
     #[test]
     fn the_table_fits_120_columns() {
-        let table = text(&run(&["--op", "sphere", "--executed"])) + &text(&run(&["--op", "dot", "--asm"]));
+        let table = text(&["--op", "sphere", "--executed"]) + &text(&["--op", "dot", "--asm"]);
         for line in table.lines() {
             assert!(line.chars().count() <= 120 || line.starts_with("n/a"), "{line}");
         }
@@ -541,7 +544,7 @@ mod command {
 
     #[test]
     fn the_listing_marks_the_body_and_what_differs() {
-        let listing = text(&run(&["--op", "dot", "--engine", "paper,aos", "--asm"]));
+        let listing = text(&["--op", "dot", "--engine", "paper,aos", "--asm"]);
         assert!(listing.contains(" |haddps xmm0, xmm0"), "{listing}");
         assert!(listing.contains("*|movhlps xmm0, xmm0"), "{listing}");
         assert!(listing.contains("  movaps xmm0, [rsi]"), "{listing}");
@@ -550,17 +553,15 @@ mod command {
 
     #[test]
     fn every_kernel_of_the_engines_is_listed_and_can_be_asked_for() {
-        let listed = text(&run(&["--kernels"]));
+        let listed = text(&["--kernels"]);
         let symbols: BTreeSet<_> = listed.lines().filter_map(|line| line.split(' ').next()).collect();
         for symbol in rayo::kernels::packet_symbols().into_iter().chain(["rayo_paper_trace", "rayo_c_trace"]) {
             assert!(symbols.contains(symbol), "{symbol}");
         }
-        let document: Value = serde_json::from_str(&text(&run(&["--kernels", "--json"]))).unwrap();
+        let document = run(&["--kernels", "--json"]).document();
         assert_eq!(document["kernels"].as_array().unwrap().len(), listed.lines().count());
-        let refused = run(&["--kernel", "rayo_papr_trace"]);
-        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
-        let error = String::from_utf8_lossy(&refused.stderr);
-        assert!(error.contains("no kernel `rayo_papr_trace`; the nearest are rayo_paper_trace"), "{error}");
+        let nearest = "no kernel `rayo_papr_trace`; the nearest are rayo_paper_trace";
+        run(&["--kernel", "rayo_papr_trace"]).refuses(nearest);
     }
 
     #[test]
@@ -569,7 +570,7 @@ mod command {
             return;
         }
         let symbol = "rayo_paper_trace";
-        let document: Value = serde_json::from_str(&text(&run(&["--kernel", symbol, "--json"]))).unwrap();
+        let document = run(&["--kernel", symbol, "--json"]).document();
         let kernel = &document["kernels"][0];
         let lines = kernel["listing"].as_array().unwrap();
         assert_eq!(
@@ -586,7 +587,7 @@ mod command {
         let line = file.lines().nth(dot["line"].as_u64().unwrap() as usize - 1).unwrap();
         assert!(line.contains(dot["text"].as_str().unwrap().split(' ').next().unwrap()), "{line}: {dot}");
 
-        let listing = text(&run(&["--kernel", symbol]));
+        let listing = text(&["--kernel", symbol]);
         let jumps = lines.iter().filter(|line| line["target"].is_u64()).count();
         assert!(jumps > 3);
         let named: Vec<_> = listing.lines().filter_map(|line| line.split_once(" .")?.1.split(' ').next()).collect();
@@ -600,13 +601,13 @@ mod command {
 
     #[test]
     fn a_constant_is_named_where_a_kernel_reads_it() {
-        let listing = text(&run(&["--kernel", "rayo_paper_sphere"]));
+        let listing = text(&["--kernel", "rayo_paper_sphere"]);
         assert!(listing.lines().any(|line| line.contains("movss xmm1, [") && !line.contains("h]")), "{listing}");
     }
 
     #[test]
     fn critical_paths_that_are_one_operation_share_a_line() {
-        let table = text(&run(&["--op", "add,sub,dot", "--engine", "paper,aos,avx2"]));
+        let table = text(&["--op", "add,sub,dot", "--engine", "paper,aos,avx2"]);
         let paths: Vec<_> = table.lines().skip_while(|line| *line != "Critical paths").skip(1).take(4).collect();
         assert!(paths.iter().any(|line| line.trim() == "of one operation: add, sub"), "{table}");
         assert!(paths[0].contains("mul -> "), "{table}");
@@ -616,12 +617,10 @@ mod command {
     fn names_that_are_not_there_are_bad_usage_and_what_there_is_is_listed() {
         for (args, expected) in [
             (["--op", "divide"], "no operation `divide`; there are: add, sub, scale"),
+            (["--op", "norm,dost"], "there is no operation `dost`; there are: add, "),
             (["--engine", "gpu"], "no implementation `gpu` of single operations; there are: printed-c"),
         ] {
-            let output = run(&args);
-            let error = String::from_utf8_lossy(&output.stderr);
-            assert_eq!(output.status.code(), Some(2), "{error}");
-            assert!(error.contains(expected), "{error}");
+            run(&args).refuses(expected);
         }
     }
 
@@ -630,26 +629,20 @@ mod command {
         if Command::new("valgrind").arg("--version").output().is_err() {
             return extent::not_run("valgrind", "what is said without the trap flag");
         }
-        let rayo = env!("CARGO_BIN_EXE_rayo");
-        let args = ["-q", rayo, "ops", "--op", "add", "--engine", "paper", "--executed"];
-        let run = |json: &[&str]| Command::new("valgrind").args(args).args(json).output().unwrap();
-        let table = text(&run(&[]));
+        let table = under("valgrind", &["-q"], &[]).printed().to_owned();
         assert!(table.lines().any(|line| line.starts_with(" executed") && line.ends_with(" n/a")), "{table}");
         assert!(table.contains("the trap flag has no effect here"), "{table}");
-        let document: Value = serde_json::from_str(&text(&run(&["--json"]))).unwrap();
+        let document = under("valgrind", &["-q"], &["--json"]).document();
         assert_eq!(document["rows"][0]["executed"], Value::Null);
         assert_eq!(document["rows"][0]["function"], 6);
     }
 
     #[test]
     fn several_operations_are_asked_for_in_a_list() {
-        let table = text(&run(&["--op", "norm,dot", "--engine", "aos,glam"]));
+        let table = text(&["--op", "norm,dot", "--engine", "aos,glam"]);
         let heads: Vec<_> = table.lines().filter(|line| line.ends_with("  needs")).map(|line| &line[..4]).collect();
         assert_eq!(heads, ["dot ", "norm"], "{table}");
         assert!(!table.contains("cross"), "{table}");
-        let refused = run(&["--op", "norm,dost"]);
-        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
-        assert!(String::from_utf8_lossy(&refused.stderr).contains("there is no operation `dost`; there are: add, "));
     }
 
     #[cfg(target_os = "linux")]
@@ -659,7 +652,7 @@ mod command {
         for arguments in ["", " --asm"] {
             let mut script = Command::new("script");
             script.args(["-qec", &format!("{ops}{arguments}"), "/dev/null"]).stdin(std::process::Stdio::null());
-            let shown = text(&script.output().unwrap());
+            let shown = Run::of(script.output().unwrap()).stdout;
             // What a progress bar has drawn over itself is not there.
             let lines: Vec<_> =
                 shown.lines().filter_map(|line| line.trim_end_matches('\r').rsplit('\r').next()).collect();
@@ -675,10 +668,8 @@ mod command {
         if Command::new("strace").arg("--version").output().is_err() {
             return extent::not_run("strace", "what is said under a debugger");
         }
-        let args =
-            ["-o", "/dev/null", env!("CARGO_BIN_EXE_rayo"), "ops", "--op", "add", "--engine", "paper", "--executed"];
-        let table = text(&Command::new("strace").args(args).output().unwrap());
-        assert!(table.contains("traces this one"), "{table}");
+        let run = under("strace", &["-o", "/dev/null"], &[]);
+        assert!(run.printed().contains("traces this one"), "{}", run.stdout);
     }
 
     /// The part of a document between a line that begins with `start` and the end of the part, that line included.
@@ -691,7 +682,7 @@ mod command {
     /// What the document in docs is of, printed once.
     fn as_in_docs() -> &'static str {
         static PRINTED: OnceLock<String> = OnceLock::new();
-        PRINTED.get_or_init(|| text(&run(&["--executed", "--markdown"])))
+        PRINTED.get_or_init(|| text(&["--executed", "--markdown"]))
     }
 
     #[test]

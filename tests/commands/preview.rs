@@ -13,9 +13,7 @@ fn scene(name: &str) -> String {
 
 /// What `rayo render ... --preview` prints, and that it succeeds.
 fn shown(args: &[&str], directory: &Path) -> String {
-    let output = rayo([&["render", "--preview"], args].concat(), directory);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    rayo([&["render", "--preview"], args].concat(), directory).printed().to_owned()
 }
 
 fn files(directory: &Path) -> usize {
@@ -76,7 +74,7 @@ fn a_file_is_written_too_if_it_is_named_and_scenes_follow_each_other() {
     let size = ["--size", "80x60"];
     let with_file = shown(&[&[scene("sphere.in").as_str(), "-o", "a.png", "--stats"], &size[..]].concat(), at);
     assert!(with_file.contains('@') && with_file.contains("\nengine "), "{with_file}");
-    assert!(rayo([&["render", &scene("sphere.in"), "-o", "b.png"], &size[..]].concat(), at).status.success());
+    rayo([&["render", &scene("sphere.in"), "-o", "b.png"], &size[..]].concat(), at).printed();
     assert!(std::fs::read(at.join("a.png")).unwrap() == std::fs::read(at.join("b.png")).unwrap());
 }
 
@@ -114,10 +112,7 @@ fn what_cannot_be_shown_is_refused_with_a_reason() {
         (&["--rows", "0..2000"], "--rows 0..2000: the picture has the rows 0..1224"),
         (&["--size", "80x1000000", "--rows", "0..10"], "--samples 4: each side of an image"),
     ] {
-        let output = rayo([&["render", "--preview", &scene("sphere.in")], args].concat(), directory.path());
-        let error = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
-        assert!(error.contains(expected) && output.stdout.is_empty(), "{args:?}: {error}");
+        rayo([&["render", "--preview", &scene("sphere.in")], args].concat(), directory.path()).refuses(expected);
     }
     assert_eq!(files(directory.path()), 0);
 }

@@ -2,12 +2,12 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::time::Duration;
 
 use crate::extent;
-use crate::program::{in_the_foreground, rayo, signal};
+use crate::program::{Run, in_the_foreground, rayo, signal};
 use rayo::experiments::{gallery, roofline, threads};
 use rayo::kernels::sys::Cores;
 use rayo::measure::{Machine, MachineClock};
@@ -33,15 +33,14 @@ fn results() -> &'static Path {
                 &["accuracy", "scenes/sphere.in", "S1", "--quick", "--out", &out("accuracy")],
                 &["stability", "--family", "S1", "--quick", "--out", &out("stability")],
             ] {
-                let output = rayo(arguments, root);
-                assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+                rayo(arguments, root).printed();
             }
             directory
         })
         .path()
 }
 
-fn report(arguments: &[&str], directory: &Path) -> Output {
+fn report(arguments: &[&str], directory: &Path) -> Run {
     rayo([&["report"], arguments].concat(), directory)
 }
 
@@ -53,11 +52,8 @@ fn page_of(from: &[&Path]) -> (TempDir, String) {
     for path in &from {
         arguments.extend(["--from", path]);
     }
-    let output = report(&arguments, directory.path());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let said = String::from_utf8(output.stdout).unwrap();
     let path = Path::new("page").join("report.html");
-    assert_eq!(said.lines().last(), Some(path.to_str().unwrap()));
+    assert_eq!(report(&arguments, directory.path()).printed().lines().last(), Some(path.to_str().unwrap()));
     let page = fs::read_to_string(directory.path().join(path)).unwrap();
     (directory, page)
 }
@@ -188,14 +184,10 @@ fn what_cannot_be_read_is_refused_and_nothing_is_written() {
         (directory.path().join("empty"), "no results are here: name a directory that `rayo report`"),
         (directory.path().join("nowhere"), "no results are here"),
     ] {
-        let output = report(&["--from", from.to_str().unwrap(), "--out", "page"], directory.path());
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.starts_with("error: ") && said.contains(expected), "{said}");
+        report(&["--from", from.to_str().unwrap(), "--out", "page"], directory.path()).refuses(expected);
         assert!(!directory.path().join("page").exists());
     }
-    let output = report(&["--quick", "--from", "x"], directory.path());
-    assert_eq!(output.status.code(), Some(2));
+    report(&["--quick", "--from", "x"], directory.path()).refuses("--from");
 }
 
 /// Every place of a document, of each list the first and the last.
@@ -238,12 +230,8 @@ fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
                 }
             }
             fs::write(directory.path().join("results.json"), document.to_string()).unwrap();
-            let output = report(&["--from", ".", "--out", "page"], directory.path());
-            let said = String::from_utf8_lossy(&output.stderr);
-            assert!(
-                [Some(0), Some(2)].contains(&output.status.code()) && !said.contains("panicked"),
-                "{name}{path}: {said}"
-            );
+            let run = report(&["--from", ".", "--out", "page"], directory.path());
+            assert!([0, 2].contains(&run.status) && !run.stderr.contains("panicked"), "{name}{path}: {}", run.stderr);
         }
     }
     assert!(runs > if extent::all() { 300 } else { 40 }, "{runs}");

@@ -153,28 +153,26 @@ fn a_neighbour_in_the_packet_is_the_pixel_beside() {
 
 #[test]
 fn the_text_of_one_ray_fits_a_screen_and_has_the_words_of_the_source() {
-    let at = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let size = ["--size", "160x120"];
-    let folded = program::rayo(["step", "scenes/sphere.in", "--depth", "1"].into_iter().chain(size), at);
-    let folded = String::from_utf8(folded.stdout).unwrap();
+    let step = |more: &[&str]| {
+        let arguments = ["step", "scenes/sphere.in", "--size", "160x120"].iter().chain(more);
+        program::rayo(arguments, Path::new(env!("CARGO_MANIFEST_DIR"))).printed().to_owned()
+    };
+    let folded = step(&["--depth", "1"]);
     assert!(folded.lines().count() <= 50, "{folded}");
     assert!(folded.starts_with("pixel 80,60 by paper"), "the middle of a picture of that size: {folded}");
     assert!(folded.contains("SPHERE_HIT") && folded.contains("hits sphere 0 at t = "), "{folded}");
-    let whole = program::rayo(["step", "scenes/sphere.in"].into_iter().chain(size), at);
-    let whole = String::from_utf8(whole.stdout).unwrap();
+    let whole = step(&[]);
     for words in ["mulss s, s", "; disc", "not taken if below", "VEC_DOT", "; line 16"] {
         assert!(whole.contains(words), "{words}: {whole}");
     }
-    let only = program::rayo(["step", "scenes/sphere.in", "--only", "VEC_DOT"].into_iter().chain(size), at);
-    let only = String::from_utf8(only.stdout).unwrap();
+    let only = step(&["--only", "VEC_DOT"]);
     assert!(only.contains("VEC_DOT") && !only.contains("comiss"), "{only}");
 }
 
 #[test]
 fn the_document_has_what_is_known_of_each_instruction() {
     let at = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let output = program::rayo(["step", "scenes/sphere.in", "--size", "160x120", "--json"], at);
-    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let document = program::rayo(["step", "scenes/sphere.in", "--size", "160x120", "--json"], at).document();
     assert_eq!(document["schema"], 1);
     assert_eq!(document["engine"], "paper");
     assert_eq!(document["unknown"], 0);
@@ -196,8 +194,7 @@ fn the_page_needs_nothing_else_and_has_every_instruction() {
     let directory = tempfile::tempdir().unwrap();
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/sphere.in");
     let arguments = ["step", scene.to_str().unwrap(), "--size", "160x120", "--html", "page.html"];
-    let output = program::rayo(arguments, directory.path());
-    assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    assert_eq!(program::rayo(arguments, directory.path()).printed(), "");
     let page = fs::read_to_string(directory.path().join("page.html")).unwrap();
     for elsewhere in ["http:", "https:", "src=", "<link", "@import", "url("] {
         assert!(!page.contains(elsewhere), "{elsewhere}");
@@ -210,7 +207,7 @@ fn the_page_needs_nothing_else_and_has_every_instruction() {
     let padding = watched.steps.iter().filter(|line| line.line == 0).count();
     assert_eq!(page.matches("class=\"step").count(), watched.instructions - padding);
     let failed = program::rayo(["step", scene.to_str().unwrap(), "--html", "nowhere/page.html"], directory.path());
-    assert_eq!(failed.status.code(), Some(1));
+    assert_eq!(failed.status, 1);
     assert!(!directory.path().join("nowhere").exists());
 }
 
@@ -244,10 +241,6 @@ fn bad_use_is_told_with_what_to_do() {
     for (arguments, words) in
         bad.into_iter().filter(|(arguments, _)| extent::all() || arguments.get(1) != Some(&"scenes/many.in"))
     {
-        let output = program::rayo(arguments, at);
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(error.contains(words), "{arguments:?}: {error}");
-        assert!(output.stdout.is_empty(), "{arguments:?}");
+        program::rayo(arguments, at).refuses(words);
     }
 }

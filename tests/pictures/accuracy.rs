@@ -1,10 +1,9 @@
 //! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
 
-use crate::program;
+use crate::program::{self, Run};
 use crate::schema;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::Output;
 
 use glam::{DVec3, Vec3};
 use rayo::experiments::accuracy::subjects::{self, Subject};
@@ -224,7 +223,7 @@ fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
     assert_eq!(different.len(), reasons.len(), "{reasons:?}");
 }
 
-fn rayo_accuracy(args: &[&str], out: &Path) -> Output {
+fn rayo_accuracy(args: &[&str], out: &Path) -> Run {
     let arguments = [&["accuracy"], args, &["--out", out.to_str().unwrap()]].concat();
     program::rayo(arguments, Path::new(env!("CARGO_MANIFEST_DIR")))
 }
@@ -232,10 +231,9 @@ fn rayo_accuracy(args: &[&str], out: &Path) -> Output {
 #[test]
 fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
     let directory = TempDir::new().unwrap();
-    let output = rayo_accuracy(&["scenes/tetrahedron.in", "s1", "--quick", "--json"], directory.path());
-    assert!(output.status.success(), "{output:?}");
-    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
-    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let run = rayo_accuracy(&["scenes/tetrahedron.in", "s1", "--quick", "--json"], directory.path());
+    let document = run.document();
+    assert_eq!(run.stderr, "");
     let schema = serde_json::from_str(include_str!("../../docs/accuracy.schema.json")).unwrap();
     assert_eq!(schema::errors(&schema, &document), Vec::<String>::new());
     let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
@@ -279,15 +277,12 @@ fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
 #[test]
 fn a_table_is_printed_for_people_and_a_scene_that_is_none_is_bad_input() {
     let directory = TempDir::new().unwrap();
-    let output = rayo_accuracy(&["scenes/sphere.in", "--quick"], directory.path());
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success() && text.contains("160×120") && text.contains("| reference |"), "{text}");
+    let run = rayo_accuracy(&["scenes/sphere.in", "--quick"], directory.path());
+    let text = run.printed();
+    assert!(text.contains("160×120") && text.contains("| reference |"), "{text}");
     assert!(text.contains("| front |") && text.contains("| * |") || text.contains("   * |"), "{text}");
-    for (scene, says) in [("scenes/none.in", "scenes/none.in"), ("N1", "N1"), ("Makefile", "Makefile")] {
-        let output = rayo_accuracy(&[scene, "--quick"], directory.path());
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{scene}: {error}");
-        assert!(error.contains(says) && output.stdout.is_empty(), "{scene}: {error}");
+    for scene in ["scenes/none.in", "N1", "Makefile"] {
+        rayo_accuracy(&[scene, "--quick"], directory.path()).refuses(scene);
     }
 }
 

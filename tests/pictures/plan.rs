@@ -1,8 +1,7 @@
 //! What is left out makes no difference: each omission alone and all together, to the last bit, and what is told of them.
 
-use crate::program;
+use crate::program::{self, Run};
 use std::path::Path;
-use std::process::Output;
 
 use crate::contenders::{Truth, check_by_force, contenders, packets};
 use crate::extent;
@@ -415,18 +414,9 @@ all.png 160 120 1
 ";
 
 /// Runs the program where the file all.in is [`EVERYTHING`].
-fn rayo(directory: &Path, arguments: &str) -> Output {
+fn rayo(directory: &Path, arguments: &str) -> Run {
     std::fs::write(directory.join("all.in"), EVERYTHING).unwrap();
     program::rayo(arguments.split(' '), directory)
-}
-
-fn stdout(output: &Output) -> String {
-    assert!(output.status.success(), "{output:?}");
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 const WARNING: &str = "warning: all.in:17: triangle 3 has no area, and no ray hits it: its corners are on one line\n";
@@ -434,20 +424,18 @@ const WARNING: &str = "warning: all.in:17: triangle 3 has no area, and no ray hi
 #[test]
 fn the_plan_of_one_of_everything_reads_like_this() {
     let directory = tempfile::tempdir().unwrap();
-    let output = rayo(directory.path(), "plan all.in --engine sse41");
-    insta::assert_snapshot!("plan_of_everything", stdout(&output));
-    assert_eq!(stderr(&output), WARNING);
-    let of_c = stdout(&rayo(directory.path(), "plan all.in --engine c"));
-    assert!(of_c.contains("kept: 6 spheres, 3 triangles, 4 lights\n"), "{of_c}");
-    let none = rayo(directory.path(), "plan all.in --engine none");
-    assert_eq!(none.status.code(), Some(2), "{none:?}");
+    let run = rayo(directory.path(), "plan all.in --engine sse41");
+    insta::assert_snapshot!("plan_of_everything", run.printed());
+    assert_eq!(run.stderr, WARNING);
+    let of_c = rayo(directory.path(), "plan all.in --engine c");
+    assert!(of_c.printed().contains("kept: 6 spheres, 3 triangles, 4 lights\n"), "{of_c:?}");
+    rayo(directory.path(), "plan all.in --engine none").refuses("there is no engine `none`");
 }
 
 #[test]
 fn the_plan_is_one_json_document_with_these_fields() {
     let directory = tempfile::tempdir().unwrap();
-    let text = stdout(&rayo(directory.path(), "plan all.in --engine sse41 --json --size 80x60"));
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let json = rayo(directory.path(), "plan all.in --engine sse41 --json --size 80x60").document();
     for (place, expected) in [
         ("/schema", "1"),
         ("/scene", "\"all.in\""),
@@ -472,13 +460,12 @@ fn the_plan_is_one_json_document_with_these_fields() {
 #[test]
 fn the_plan_of_many_objects_says_that_it_goes_by_tiles() {
     let directory = tempfile::tempdir().unwrap();
-    let made = rayo(directory.path(), "make torus --triangles 400 -o torus.toml --quiet");
-    assert!(made.status.success(), "{made:?}");
-    let text = stdout(&rayo(directory.path(), "plan torus.toml --engine sse41"));
+    rayo(directory.path(), "make torus --triangles 400 -o torus.toml --quiet").printed();
+    let plan = rayo(directory.path(), "plan torus.toml --engine sse41");
     let why = "\ntile by tile: 13 x 19 tiles of 64 x 32 pixels, ";
-    assert!(text.contains(why), "{text}");
-    let output = rayo(directory.path(), "plan torus.toml --json --measure --size 100x70");
-    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(plan.printed().contains(why), "{plan:?}");
+    let run = rayo(directory.path(), "plan torus.toml --json --measure --size 100x70");
+    let json = run.document();
     assert_eq!(json["kept"].to_string(), r#"{"lights":1,"spheres":0,"triangles":400}"#);
     let tiles = ["objects", "width", "height", "across", "down"].map(|key| json["tiles"][key].as_u64());
     assert_eq!(tiles, [400, 64, 32, 2, 3].map(Some));
@@ -492,14 +479,13 @@ fn the_plan_of_many_objects_says_that_it_goes_by_tiles() {
     for what in ["objects in other tiles", "tests of rays that miss", "float image"] {
         assert!(lines.iter().any(|line| line["what"] == what), "{what}: {json}");
     }
-    assert_eq!(stderr(&output), "", "no bar but on a terminal");
+    assert_eq!(run.stderr, "", "no bar but on a terminal");
 }
 
 #[test]
 fn measuring_gives_each_line_a_ratio_or_none_where_there_is_no_code_without_it() {
     let directory = tempfile::tempdir().unwrap();
-    let output = rayo(directory.path(), "plan all.in --measure --json --size 40x30");
-    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let json = rayo(directory.path(), "plan all.in --measure --json --size 40x30").document();
     let measured = &json["measured"];
     let ratio = |ratio: &serde_json::Value| {
         let [middle, low, high] = ["ratio", "ratio_low", "ratio_high"].map(|key| ratio[key].as_f64());
@@ -518,22 +504,21 @@ fn measuring_gives_each_line_a_ratio_or_none_where_there_is_no_code_without_it()
             ratio(worth);
         }
     }
-    let text = stdout(&rayo(directory.path(), "plan all.in --measure --size 40x30"));
-    assert!(text.contains("\n  the plan against itself "), "{text}");
+    let run = rayo(directory.path(), "plan all.in --measure --size 40x30");
+    assert!(run.printed().contains("\n  the plan against itself "), "{run:?}");
 }
 
 #[test]
 fn render_explains_its_plan_and_brute_force_makes_the_same_file() {
     let directory = tempfile::tempdir().unwrap();
     let planned = rayo(directory.path(), "render all.in -o planned.png --explain --quiet");
-    let plan = stdout(&rayo(directory.path(), "plan all.in"));
-    let (_, lines) = plan.split_once('\n').unwrap();
-    assert_eq!(stderr(&planned), format!("{WARNING}{lines}"));
-    assert_eq!(stdout(&planned), "");
-    assert_eq!(stderr(&rayo(directory.path(), "render all.in -o kept.png --keep-all --quiet")), WARNING);
+    let plan = rayo(directory.path(), "plan all.in");
+    let (_, lines) = plan.printed().split_once('\n').unwrap();
+    assert_eq!((planned.printed(), planned.stderr.as_str()), ("", &*format!("{WARNING}{lines}")));
+    assert_eq!(rayo(directory.path(), "render all.in -o kept.png --keep-all --quiet").stderr, WARNING);
     let file = |name: &str| std::fs::read(directory.path().join(name)).unwrap();
     assert!(file("planned.png") == file("kept.png"));
-    let rust = stderr(&rayo(directory.path(), "render all.in -o rust.png --keep-all --engine rust"));
+    let rust = rayo(directory.path(), "render all.in -o rust.png --keep-all --engine rust").stderr;
     assert!(
         rust.contains("rust tests every ray against every object as it is: --keep-all changes nothing\n"),
         "{rust}"
@@ -546,12 +531,9 @@ fn the_figure_of_a_measurement_has_a_line_for_each_omission_that_was_timed() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
     let scenes = ["sphere.in", "tetrahedron.in"].map(|name| format!("{folder}/{name}"));
     let [sphere, tetrahedron] = scenes.each_ref().map(String::as_str);
-    let output = program::rayo(
-        ["plan", sphere, tetrahedron, "--size", "16x12", "--measure", "--figure", "worth.svg"],
-        directory.path(),
-    );
-    assert!(output.status.success(), "{output:?}");
-    let told = String::from_utf8(output.stdout).unwrap();
+    let plan = ["plan", sphere, tetrahedron, "--size", "16x12", "--measure", "--figure", "worth.svg"];
+    let run = program::rayo(plan, directory.path());
+    let told = run.printed();
     assert!(told.contains("sphere.in: 16x12") && told.contains("\n\n") && told.contains("tetrahedron.in: 16x12"));
     let figure = std::fs::read_to_string(directory.path().join("worth.svg")).unwrap();
     for text in ["sphere.in", "tetrahedron.in", "all that --keep-all keeps"] {
@@ -561,8 +543,6 @@ fn the_figure_of_a_measurement_has_a_line_for_each_omission_that_was_timed() {
         (&["plan", sphere, "--figure", "a.svg"][..], "--measure"),
         (&["plan", sphere, tetrahedron, "--json"], "--json prints one document, of one scene"),
     ] {
-        let refused = program::rayo(args, directory.path());
-        let error = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(refused.status.code() == Some(2) && error.contains(expected), "{error}");
+        program::rayo(args, directory.path()).refuses(expected);
     }
 }

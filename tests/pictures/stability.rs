@@ -296,9 +296,8 @@ proptest! {
 #[test]
 fn the_command_writes_its_files_and_a_document_with_the_fields_of_the_contract() {
     let directory = tempfile::tempdir().unwrap();
-    let output = rayo(["stability", "--family", "s7", "--case", "3", "--quick", "--json"], directory.path());
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let stability = ["stability", "--family", "s7", "--case", "3", "--quick", "--json"];
+    let document = rayo(stability, directory.path()).document();
     assert_eq!(document["schema"], 1);
     let rows = document["rows"].as_array().unwrap();
     assert_eq!(rows.len(), contenders().len());
@@ -319,11 +318,11 @@ fn the_command_writes_its_files_and_a_document_with_the_fields_of_the_contract()
 fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
     let directory = tempfile::tempdir().unwrap();
     let stability = |arguments: &[&str]| {
-        let output = rayo([&["stability"], arguments].concat(), directory.path());
-        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+        let run = rayo([&["stability"], arguments].concat(), directory.path());
+        (run.status, run.stderr)
     };
     let sweep = ["--family", "S7", "--engine", "rust", "--quick"];
-    assert_eq!(stability(&sweep), (Some(0), String::new()));
+    assert_eq!(stability(&sweep), (0, String::new()));
     // The limits that would just hold do hold; with no room for an error of t they do not.
     let just = fs::read_to_string(directory.path().join("out/stability/limits.csv")).unwrap();
     let (head, row) = just.trim_end().split_once('\n').unwrap();
@@ -332,10 +331,10 @@ fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
     cells[3] = "0.25";
     fs::write(directory.path().join("just.csv"), &just).unwrap();
     fs::write(directory.path().join("strict.csv"), format!("{head}\n{}\n", cells.join(","))).unwrap();
-    assert_eq!(stability(&[&sweep[..], &["--limits", "just.csv"]].concat()), (Some(0), String::new()));
+    assert_eq!(stability(&[&sweep[..], &["--limits", "just.csv"]].concat()), (0, String::new()));
     let (status, error) = stability(&[&sweep[..], &["--limits", "strict.csv"]].concat());
     let lines: Vec<_> = error.lines().collect();
-    assert_eq!((status, lines.len()), (Some(1), 2), "{error}");
+    assert_eq!((status, lines.len()), (1, 2), "{error}");
     let found =
         |line: &str| line.strip_prefix("error: S7 by rust in single: the error of t in ulp is ").unwrap().to_owned();
     assert!(found(lines[0]).ends_with(", above 0.25"), "{error}");
@@ -343,11 +342,11 @@ fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
     let replay: Vec<_> = lines[1].split_whitespace().skip(2).collect();
     assert!(replay.contains(&"--case") && replay.contains(&"--seed"), "{error}");
     let (status, again) = stability(&[&replay[..], &["--limits", "strict.csv"]].concat());
-    assert_eq!((status, found(again.lines().next().unwrap())), (Some(1), found(lines[0])));
+    assert_eq!((status, found(again.lines().next().unwrap())), (1, found(lines[0])));
     // A file that is none is bad input.
     for (file, expected) in [("no.csv", "no.csv"), ("out/stability/stability.md", "the first line must be family")] {
         let (status, error) = stability(&[&sweep[..], &["--limits", file]].concat());
-        assert!(status == Some(2) && error.contains(expected), "{error}");
+        assert!(status == 2 && error.contains(expected), "{error}");
     }
 }
 
@@ -360,10 +359,7 @@ fn what_there_is_not_is_an_error_that_says_what_there_is() {
         (&["stability", "--engine", "cuda"], "reference"),
         (&["stability", "--case", "3"], "--family"),
     ] {
-        let output = rayo(arguments, directory.path());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        let error = String::from_utf8(output.stderr).unwrap();
-        assert!(error.contains(expected), "{error}");
+        rayo(arguments, directory.path()).refuses(expected);
     }
 }
 

@@ -72,9 +72,7 @@ fn links(document: &str) -> Vec<String> {
 }
 
 fn help(subcommand: &[&str]) -> String {
-    let output = rayo([subcommand, &["--help"]].concat(), root());
-    assert!(output.status.success(), "rayo {subcommand:?} --help: {output:?}");
-    String::from_utf8(output.stdout).unwrap()
+    rayo([subcommand, &["--help"]].concat(), root()).printed().to_owned()
 }
 
 /// A new directory with the project's scenes in it.
@@ -146,8 +144,7 @@ fn every_command_of_the_guides_succeeds() {
             }
             command.iter_mut().filter(|word| *word == "paper").for_each(|engine| *engine = "rust".to_owned());
         }
-        let output = rayo(&command, directory.path());
-        assert!(output.status.success(), "rayo {}: {output:?}", command.join(" "));
+        rayo(&command, directory.path()).printed();
     }
 }
 
@@ -196,11 +193,9 @@ fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
         fs::write(directory.path().join(name), scene).unwrap();
         rayo(["render", name, "--size", "8x6"], directory.path())
     };
-    let right = render("right.in", scene);
-    assert!(right.status.success(), "{right:?}");
+    render("right.in", scene).printed();
     let wrong = render("wrong.in", &scene.replace("\n30 ", "\n-30 "));
-    assert_eq!(wrong.status.code(), Some(2));
-    assert_eq!(String::from_utf8(wrong.stderr).unwrap(), *error);
+    assert_eq!((wrong.status, wrong.stderr), (2, error.clone()));
 }
 
 /// Without the kernels in a sample: no other build has their features, and they would be assembled once more.
@@ -237,11 +232,11 @@ fn the_pictures_of_the_readme_are_what_the_program_renders() {
         let look = ["--shadows", "--size", "400x300", "--samples", "4", "--srgb"];
         let rendered =
             rayo([&["render", &format!("scenes/{scene}"), "-o", &picture], &look[..]].concat(), directory.path());
-        assert!(rendered.status.success(), "{rendered:?}");
+        rendered.printed();
         let kept = root().join("docs/images").join(&picture);
         assert!(text("README.md").contains(&format!("(docs/images/{picture})")), "the README does not show {picture}");
         let compared = rayo(["diff", kept.to_str().unwrap(), &picture, "--tolerance", "1"], directory.path());
-        assert!(compared.status.success(), "`make images` renders {picture} anew: {compared:?}");
+        assert_eq!(compared.status, 0, "`make images` renders {picture} anew: {compared:?}");
     }
 }
 
