@@ -9,7 +9,6 @@ use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use thiserror::Error;
 
 /// Compare two images pixel by pixel: exit 0 if they agree within the tolerance, 1 if not, 2 if they cannot be compared
 #[derive(Debug, Args)]
@@ -34,36 +33,6 @@ pub struct DiffArgs {
     pub json: bool,
 }
 
-/// Why there is no verdict about two images, or why it could not be delivered.
-#[derive(Debug, Error)]
-enum DiffError {
-    /// An image could not be read.
-    #[error(transparent)]
-    Read(ImageError),
-    /// The images have nothing to compare.
-    #[error("cannot compare {} with {}: {error}", shown(.a), shown(.b))]
-    Compare {
-        /// The first image's path.
-        a: PathBuf,
-        /// The second image's path.
-        b: PathBuf,
-        /// What keeps them apart.
-        error: CompareError,
-    },
-    /// `-o` names no format for a picture of differences.
-    #[error("{}: the picture of differences has 8 bits; name it .png or .ppm", shown(.0))]
-    FloatOutput(PathBuf),
-    /// `-o` has no known extension.
-    #[error(transparent)]
-    Output(ImageError),
-    /// `-o` names where the verdict goes.
-    #[error("the verdict goes to standard output: name a file for the picture of the differences")]
-    StandardOutput,
-    /// The picture of the differences could not be written.
-    #[error(transparent)]
-    Write(ImageError),
-}
-
 /// Compares the images, prints the result to standard output, and returns the verdict as exit code 0 or 1.
 ///
 /// # Errors
@@ -73,10 +42,7 @@ pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
         keep_apart(output, [&args.a, &args.b].map(|path| &**path))?;
         remove_part_files_on_signals()?;
     }
-    let (comparison, text) = diff(args).map_err(|error| match error {
-        DiffError::Write(_) => Failure::output(error),
-        _ => Failure::input(error),
-    })?;
+    let (comparison, text) = diff(args)?;
     let within_tolerance = comparison.largest <= args.tolerance;
     let verdict = Verdict {
         a: args.a.to_string_lossy(),
@@ -90,21 +56,21 @@ pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
 }
 
 /// Compares the images, in numbers and in words, and writes the picture of their differences.
-fn diff(args: &DiffArgs) -> Result<(Comparison, String), DiffError> {
+fn diff(args: &DiffArgs) -> Result<(Comparison, String), Failure> {
     // Before any work: a name that no picture can be written to.
-    let output = args.output.as_deref().map(|path| Ok((path, output_format(path)?))).transpose()?;
-    let incomparable = |error| DiffError::Compare { a: args.a.clone(), b: args.b.clone(), error };
-    let (a, b) =
-        (ImageFile::open(&args.a).map_err(DiffError::Read)?, ImageFile::open(&args.b).map_err(DiffError::Read)?);
+    let output = args.output.as_deref().map(|path| output_format(path).map(|format| (path, format))).transpose()?;
+    let incomparable =
+        |error| Failure::input(format!("cannot compare {} with {}: {error}", shown(&args.a), shown(&args.b)));
+    let (a, b) = (ImageFile::open(&args.a).map_err(Failure::input)?, ImageFile::open(&args.b).map_err(Failure::input)?);
     // Before memory is taken for the pixels of either.
     if a.size() != b.size() {
         return Err(incomparable(CompareError::Sizes(a.size(), b.size())));
     }
-    let (a, b) = (a.read().map_err(DiffError::Read)?, b.read().map_err(DiffError::Read)?);
+    let (a, b) = (a.read().map_err(Failure::input)?, b.read().map_err(Failure::input)?);
     let comparison = compare::compare(&a, &b).map_err(incomparable)?;
     if let Some((path, format)) = output {
         let difference = compare::difference_image(&a, &b).map_err(incomparable)?;
-        write_picture(path, format, &difference).map_err(DiffError::Write)?;
+        write_picture(path, format, &difference).map_err(Failure::output)?;
     }
     let mut text = words(&comparison, &a, &b);
     if let Some((path, _)) = output {
@@ -128,12 +94,14 @@ fn tolerance(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|tolerance: &f64| *tolerance >= 0.0).ok_or("expected a number that is not negative".into())
 }
 
-fn output_format(path: &Path) -> Result<Format, DiffError> {
+fn output_format(path: &Path) -> Result<Format, Failure> {
     if is_standard_output(path) {
-        return Err(DiffError::StandardOutput);
+        let message = "the verdict goes to standard output: name a file for the picture of the differences";
+        return Err(Failure::input(message));
     }
-    let format = Format::from_path(path).map_err(DiffError::Output)?;
-    if format.is_8bit() { Ok(format) } else { Err(DiffError::FloatOutput(path.into())) }
+    let format = Format::from_path(path).map_err(Failure::input)?;
+    let floats = || format!("{}: the picture of differences has 8 bits; name it .png or .ppm", shown(path));
+    format.is_8bit().then_some(format).ok_or_else(|| Failure::input(floats()))
 }
 
 fn write_picture(path: &Path, format: Format, picture: &Picture) -> Result<(), ImageError> {

@@ -151,14 +151,11 @@ impl PlanDocument {
         );
         text += "how many times as long without the omission (median of pairwise ratios, 95 % interval):\n";
         let mut row = |name: &str, timed: Timed, arithmetic: bool| {
-            let figure = match timed {
-                Timed::Ratio(of) | Timed::Extrapolated(of) => {
-                    format!("{:>8.3}  {:>8.3} .. {:<8.3}", of.value, of.low, of.high)
-                }
-                Timed::NoCode => format!("{:>8}", "-"),
-                Timed::Once(ratio) => format!("{:>8}", format!("~{ratio:.0}")),
+            let figure = match (timed.ratio, timed.ratio_low, timed.ratio_high) {
+                (Some(ratio), Some(low), Some(high)) => format!("{ratio:>8.3}  {low:>8.3} .. {high:<8.3}"),
+                (ratio, ..) => format!("{:>8}", ratio.map_or("-".into(), |ratio| format!("~{ratio:.0}"))),
             };
-            let notes = arithmetic.then_some("other arithmetic").into_iter().chain(timed.note());
+            let notes = arithmetic.then_some("other arithmetic").into_iter().chain(timed.note);
             let notes: String = notes.map(|note| format!("  {note}")).collect();
             text += &format!("  {name:<28}  {}\n", (figure + &notes).trim_end());
         };

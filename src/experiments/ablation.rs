@@ -52,59 +52,32 @@ pub struct Worth {
     pub timed: Timed,
 }
 
-/// How many times as long as the plan a contestant takes.
+/// How many times as long as the plan a contestant takes. The field names are those of the JSON document; null where that was not
+/// measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(into = "Ratio")]
-pub enum Timed {
-    /// Measured on the same rows.
-    Ratio(Estimate),
-    /// Extrapolated from one row and from two rows of a band: each further row is taken to cost as much as the second.
-    Extrapolated(Estimate),
-    /// There is no code without the omission.
-    NoCode,
-    /// Extrapolated from a single measurement, since it takes too long for more.
-    Once(f64),
+pub struct Timed {
+    pub ratio: Option<f64>,
+    pub ratio_low: Option<f64>,
+    /// None where it takes too long for more than a single measurement.
+    pub ratio_high: Option<f64>,
+    /// What is to be said of how it was timed, if anything.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<&'static str>,
 }
 
 impl Timed {
-    /// The ratio, where there is one.
-    pub fn ratio(self) -> Option<f64> {
-        match self {
-            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => Some(estimate.value),
-            Timed::Once(ratio) => Some(ratio),
-            Timed::NoCode => None,
-        }
+    /// There is no code without the omission.
+    const NO_CODE: Timed =
+        Timed { ratio: None, ratio_low: None, ratio_high: None, note: Some("there is no code without it") };
+
+    fn of(estimate: Estimate, note: Option<&'static str>) -> Self {
+        let Estimate { value, low, high } = estimate;
+        Timed { ratio: Some(value), ratio_low: Some(low), ratio_high: Some(high), note }
     }
 
-    /// What is to be said of how it was timed, if anything.
-    pub fn note(self) -> Option<&'static str> {
-        match self {
-            Timed::Ratio(_) => None,
-            Timed::Extrapolated(_) => Some("extrapolated from one row and from two"),
-            Timed::NoCode => Some("there is no code without it"),
-            Timed::Once(_) => Some("extrapolated from one row and from two, timed once: too slow for more"),
-        }
-    }
-}
-
-/// The same as JSON; null where that was not measured.
-#[derive(Serialize)]
-struct Ratio {
-    ratio: Option<f64>,
-    ratio_low: Option<f64>,
-    ratio_high: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    note: Option<&'static str>,
-}
-
-impl From<Timed> for Ratio {
-    fn from(timed: Timed) -> Self {
-        let interval = match timed {
-            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => Some(estimate),
-            Timed::Once(_) | Timed::NoCode => None,
-        };
-        let [ratio_low, ratio_high] = [interval.map(|interval| interval.low), interval.map(|interval| interval.high)];
-        Ratio { ratio: timed.ratio(), ratio_low, ratio_high, note: timed.note() }
+    fn once(ratio: f64) -> Self {
+        let note = "extrapolated from one row and from two, timed once: too slow for more";
+        Timed { ratio: Some(ratio), note: Some(note), ..Timed::NO_CODE }
     }
 }
 
@@ -225,20 +198,22 @@ pub fn run(
     let mut in_turn = runs.iter();
     let mut next = || in_turn.next().expect("every contestant has the works of its part");
     let against_plan = |part: &Part| match part {
-        Part::Bands => Timed::Ratio(estimate(next())),
+        Part::Bands => Timed::of(estimate(next()), None),
         Part::Rows => {
             let (one, two) = (next(), next());
             let all = |(one, two): (&f64, &f64)| share as f64 * (one + (two - one).max(0.0) * (band_rows - 1) as f64);
             let taken = one.taken.iter().zip(&two.taken).map(|(one, two)| *one || *two).collect();
             let ticks = one.ticks.iter().zip(&two.ticks).map(all).collect();
-            Timed::Extrapolated(estimate(&Runs { ticks, taken, migrations: 0 }))
+            // Each further row is taken to cost as much as the second.
+            let estimate = estimate(&Runs { ticks, taken, migrations: 0 });
+            Timed::of(estimate, Some("extrapolated from one row and from two"))
         }
-        Part::Nothing(band) => Timed::Once(share as f64 * *band as f64 / planned),
+        Part::Nothing(band) => Timed::once(share as f64 * *band as f64 / planned),
     };
     let timed: Vec<Timed> = parts.iter().map(against_plan).collect();
     let worth = |(line, place): (&LeftOut, Option<usize>)| Worth {
         what: line.what,
-        timed: place.map_or(Timed::NoCode, |place| timed[place]),
+        timed: place.map_or(Timed::NO_CODE, |place| timed[place]),
     };
     Ok(Ablation {
         cpu: cpu_name(),
@@ -318,8 +293,8 @@ mod tests {
     }
 
     fn ratio(timed: Timed) -> f64 {
-        let Timed::Ratio(estimate) = timed else { panic!("{timed:?}") };
-        estimate.value
+        assert!(timed.note.is_none() && timed.ratio_low <= timed.ratio && timed.ratio <= timed.ratio_high, "{timed:?}");
+        timed.ratio.unwrap()
     }
 
     /// As planned 100 ticks, again 100, all kept 800, and then each line more than the one before.
@@ -333,7 +308,7 @@ mod tests {
         let mut expected = (2..).map(f64::from);
         for (line, worth) in lines.iter().zip(&found.worth) {
             match line.switch {
-                Switch::None => assert_eq!(worth.timed, Timed::NoCode, "{:?}", line.omission),
+                Switch::None => assert_eq!(worth.timed, Timed::NO_CODE, "{:?}", line.omission),
                 _ => assert_eq!(ratio(worth.timed), expected.next().unwrap(), "{:?}", line.omission),
             }
         }
@@ -347,9 +322,9 @@ mod tests {
             script(vec![1, 10, 10, 1, 10, 10, 30, 50, 300, 700], &[10, 10, 30, 50])
         });
         assert_eq!(ratio(found.control), 1.0);
-        let Timed::Extrapolated(keep_all) = found.keep_all else { panic!("{found:?}") };
-        assert_eq!(keep_all.value, 97.0);
+        assert_eq!(found.keep_all.ratio, Some(97.0));
+        assert_eq!(found.keep_all.note, Some("extrapolated from one row and from two"));
         let slow = lines.iter().position(|line| line.switch != Switch::None).unwrap();
-        assert_eq!(found.worth[slow].timed, Timed::Once(1910.0));
+        assert_eq!(found.worth[slow].timed, Timed::once(1910.0));
     }
 }

@@ -186,9 +186,8 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     let setting = Setting::of(&mesh, format, camera);
     let scene = setting.and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, name, *camera)?)));
     let (above, scene) = scene.ok_or_else(|| {
-        let message = "the mesh is too large or too far away to be seen whole".to_owned();
-        let expected = Some("ordinary coordinates, and no extreme film or focal distance".to_owned());
-        SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected })
+        let fault = MeshError::new("the mesh is too large or too far away to be seen whole");
+        SceneError::Mesh(fault.expected("ordinary coordinates, and no extreme film or focal distance").of(path))
     })?;
     let up = if format == MeshFormat::Stl { "z" } else { "y" };
     notes.push(format!(

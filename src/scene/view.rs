@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::mesh::{Mesh, MeshFormat, Placement};
-use super::{Camera, Light, Scene, Triangle};
+use super::{Camera, Light, Scene};
 
 /// A camera's place in the world, whose axes are the paper's: at rest x points to the right, y up, and z away.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -226,7 +226,8 @@ impl<'a> MovingCamera<'a> {
         // A turn makes a number at most root three times as large.
         let reach = 2.0 * (f64::from(self.furthest) + view.position.abs().max_element());
         if reach >= f32::MAX.into() {
-            seen.is_within_range()?;
+            // The world had numbers.
+            seen.check().map_err(|beyond| ViewError::Range(beyond.field))?;
         }
         let (triangles, faces) = &self.flat;
         triangles.iter().for_each(|triangle| seen.triangles[*triangle].flatten());
@@ -239,18 +240,6 @@ impl<'a> MovingCamera<'a> {
 }
 
 impl Scene {
-    /// Whether all places are numbers of f32, but for vertices that no face has.
-    fn is_within_range(&self) -> Result<(), ViewError> {
-        let is_finite = |triangle: &Triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite());
-        let beyond = [
-            ("light", "position", self.lights.iter().position(|light| !light.position.is_finite())),
-            ("sphere", "centre", self.spheres.iter().position(|sphere| !sphere.centre.is_finite())),
-            ("triangle", "vertices", self.all_triangles().position(|triangle| !is_finite(&triangle))),
-        ];
-        let first = beyond.into_iter().find_map(|(thing, point, at)| Some((thing, point, at? + 1)));
-        first.map_or(Ok(()), |(thing, point, at)| Err(ViewError::Range(format!("{thing} {at}'s {point}"))))
-    }
-
     /// Where a camera at rest goes that goes round what it looks at, as far away as the middle of all objects: to the right, by such
     /// a part of a turn about `up`, which is as in [`Opened`](super::Opened).
     pub fn orbit(&self, up: DVec3, part: f64) -> View {
@@ -299,7 +288,7 @@ impl Setting {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Faces, Rng, many};
+    use super::super::{Faces, Rng, Triangle, many};
     use super::*;
 
     #[test]

@@ -223,7 +223,7 @@ fn plan(name: &str, quick: bool, clock: &mut MachineClock) -> Result<Planned, Fa
     let lines = &report.left_out;
     let measured = ablation::run(engine, purpose, &scene, lines, ticks, clock, &mut |_, _| ());
     let measured = measured.map_err(Failure::input)?;
-    let worth: Vec<_> = measured.worth.iter().map(|worth| worth.timed.ratio()).collect();
+    let worth: Vec<_> = measured.worth.iter().map(|worth| worth.timed.ratio).collect();
     Ok(Planned {
         scene: name.into(),
         engine: engine.name().into(),
@@ -232,7 +232,7 @@ fn plan(name: &str, quick: bool, clock: &mut MachineClock) -> Result<Planned, Fa
         height: scene.camera.height(),
         kept: report.kept,
         cycles_per_pixel: measured.cycles_per_pixel,
-        keep_all: measured.keep_all.ratio(),
+        keep_all: measured.keep_all.ratio,
         left_out: Left::of(&report, &worth),
     })
 }

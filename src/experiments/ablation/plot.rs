@@ -24,8 +24,7 @@ pub type Worth<'a> = (String, Vec<(&'a str, Timed)>);
 /// A line for each omission, from what is worth most somewhere to what is worth least, on a logarithmic scale, on which factors
 /// add up.
 pub fn figure(scenes: &[Worth<'_>]) -> Result<String, PlotError> {
-    let ratios =
-        || scenes.iter().flat_map(|(_, lines)| lines).filter_map(|(name, timed)| Some((*name, timed.ratio()?)));
+    let ratios = || scenes.iter().flat_map(|(_, lines)| lines).filter_map(|(name, timed)| Some((*name, timed.ratio?)));
     let mut most = BTreeMap::new();
     for (name, ratio) in ratios() {
         let most = most.entry(name).or_insert(ratio);
@@ -58,7 +57,7 @@ pub fn figure(scenes: &[Worth<'_>]) -> Result<String, PlotError> {
             area.draw(&PathElement::new([(left, y), (WIDTH - 24, y)], GREY.mix(0.25).stroke_width(1)))?;
             for (scene, (_, lines)) in scenes.iter().enumerate() {
                 let (shape, colour) = look(scene);
-                for ratio in lines.iter().filter(|(other, _)| other == name).filter_map(|(_, timed)| timed.ratio()) {
+                for ratio in lines.iter().filter(|(other, _)| other == name).filter_map(|(_, timed)| timed.ratio) {
                     mark(&area, shape, (place(ratio), y), 5, colour)?;
                 }
             }
@@ -75,8 +74,8 @@ mod tests {
     fn each_omission_that_was_timed_has_a_line_and_each_scene_a_mark_on_it() {
         let scene = |name: &str, lines: &[(&'static str, Timed)]| (name.to_owned(), lines.to_vec());
         let svg = figure(&[
-            scene("one.in", &[("misses", Timed::Once(8.0)), ("no code", Timed::NoCode)]),
-            scene("two.in", &[("misses", Timed::Once(30.0)), ("depths", Timed::Once(1.5))]),
+            scene("one.in", &[("misses", Timed::once(8.0)), ("no code", Timed::NO_CODE)]),
+            scene("two.in", &[("misses", Timed::once(30.0)), ("depths", Timed::once(1.5))]),
         ])
         .unwrap();
         // With those of the list of scenes.

@@ -1,24 +1,24 @@
-//! What is wrong with a mesh file, before its name is known.
+//! What is wrong with a mesh file, put together word by word, and its name at last.
 
-/// An error of a mesh, before the name of its file is known.
-#[derive(Debug)]
-pub(super) struct Fault {
-    pub line: Option<usize>,
-    pub message: String,
-    pub expected: Option<String>,
-}
+use std::path::PathBuf;
 
-impl Fault {
-    pub(super) fn new(message: impl Into<String>) -> Self {
-        Fault { line: None, message: message.into(), expected: None }
+use super::MeshError;
+
+impl MeshError {
+    pub(in crate::scene) fn new(message: impl Into<String>) -> Self {
+        MeshError { path: PathBuf::new(), line: None, message: message.into(), expected: None }
     }
 
     pub(super) fn line(self, line: usize) -> Self {
-        Fault { line: Some(line), ..self }
+        MeshError { line: Some(line), ..self }
     }
 
-    pub(super) fn expected(self, expected: impl Into<String>) -> Self {
-        Fault { expected: Some(expected.into()), ..self }
+    pub(in crate::scene) fn expected(self, expected: impl Into<String>) -> Self {
+        MeshError { expected: Some(expected.into()), ..self }
+    }
+
+    pub(in crate::scene) fn of(self, path: impl Into<PathBuf>) -> Self {
+        MeshError { path: path.into(), ..self }
     }
 }
 
@@ -28,6 +28,6 @@ pub(super) fn counted(count: usize, one: &str, many: &str) -> String {
 }
 
 /// The message for a vertex that is not finite.
-pub(super) fn not_finite(vertex: &str) -> Fault {
-    Fault::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
+pub(super) fn not_finite(vertex: &str) -> MeshError {
+    MeshError::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
 }

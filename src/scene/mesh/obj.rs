@@ -4,10 +4,10 @@ use std::io::Read;
 
 use glam::Vec3;
 
-use super::Mesh;
-use super::fault::{Fault, counted, not_finite};
+use super::fault::{counted, not_finite};
 use super::materials::{Materials, colour};
 use super::polygon::Fan;
+use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 use crate::scene::number::{number, whole};
 use crate::scene::pieces::Pieces;
@@ -16,7 +16,7 @@ use crate::scene::pieces::Pieces;
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
 /// The mesh of a file of this length; None if that cannot be read.
-pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Materials), Fault>> {
+pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Materials), MeshError>> {
     let mut pieces = Pieces::new(file, length);
     // "v 0 0 0" and "f 1 2 3" are the shortest lines.
     let most = length / 8 + 1;
@@ -65,7 +65,7 @@ struct Obj {
     /// Corners whose vertices had not been read yet, except those that cannot be the first missing one.
     early: Vec<Corner>,
     /// The first face of less than three corners, and the corners of all such faces.
-    small: Option<Fault>,
+    small: Option<MeshError>,
     of_small: Vec<u32>,
 }
 
@@ -82,7 +82,7 @@ struct Corner {
 
 impl Obj {
     /// Takes lines, up to one that is not all at hand.
-    fn lines(&mut self, rest: &mut &[u8], ended: bool) -> Result<(), Fault> {
+    fn lines(&mut self, rest: &mut &[u8], ended: bool) -> Result<(), MeshError> {
         while !rest.is_empty() {
             let begun = *rest;
             if self.usual(rest).is_some() {
@@ -146,10 +146,10 @@ impl Obj {
     }
 
     /// Takes any line.
-    fn any(&mut self, line: &[u8]) -> Result<(), Fault> {
+    fn any(&mut self, line: &[u8]) -> Result<(), MeshError> {
         let words: Vec<_> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
         let at = self.line;
-        let fault = |message: String, expected: &str| Fault::new(message).line(at).expected(expected);
+        let fault = |message: String, expected: &str| MeshError::new(message).line(at).expected(expected);
         let text = |words: &[&[u8]]| {
             let text = String::from_utf8(words.join(&b' '));
             text.map_err(|_| fault("the line is no text: it is not UTF-8".into(), "a vertex or a face"))
@@ -173,7 +173,7 @@ impl Obj {
                 let weight = match words.count() {
                     0 => weight.transpose().map_err(|_| no_point())?,
                     2 => None,
-                    _ => return Err(Fault::new("color parse error (too many or too few components)").line(at)),
+                    _ => return Err(MeshError::new("color parse error (too many or too few components)").line(at)),
                 };
                 if !point.is_finite() || weight.is_some_and(|weight| !weight.is_finite()) {
                     self.infinite.get_or_insert((vertex, at));
@@ -238,14 +238,14 @@ impl Obj {
     }
 
     /// The mesh, after all lines have been read: its vertices are those that faces name, in the order in which they do.
-    fn mesh(self) -> Result<(Mesh, Materials), Fault> {
+    fn mesh(self) -> Result<(Mesh, Materials), MeshError> {
         let Obj { points, mut mesh, tints, .. } = self;
         let there_are = points.len() as i64;
         if let Some(missing) = self.early.iter().find(|corner| !(1..=there_are).contains(&corner.vertex)) {
             let Corner { line, face, corner, index, .. } = missing;
             let message = format!("face {face}'s corner {corner} is vertex {index}, which the file has not");
             let has = format!("1 to {there_are}, the number of its vertices, or -1 and down for the last ones");
-            return Err(Fault::new(message).line(*line).expected(has));
+            return Err(MeshError::new(message).line(*line).expected(has));
         }
         const NOWHERE: u32 = u32::MAX;
         let mut places = vec![NOWHERE; points.len()];
@@ -267,7 +267,7 @@ impl Obj {
             let of_small = self.of_small.iter().map(|index| &points[*index as usize]);
             if !mesh.vertices.iter().chain(of_small).all(|vertex| vertex.is_finite()) {
                 let nowhere = |(vertex, line)| not_finite(&format!("vertex {vertex}")).line(line);
-                return Err(self.infinite.map_or_else(|| Fault::new("a vertex is not finite"), nowhere));
+                return Err(self.infinite.map_or_else(|| MeshError::new("a vertex is not finite"), nowhere));
             }
         }
         if let Some(small) = self.small {

@@ -8,9 +8,9 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use super::Mesh;
-use super::fault::{Fault, counted, not_finite};
+use super::fault::{counted, not_finite};
 use super::polygon::Fan;
+use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
 
@@ -18,17 +18,17 @@ use crate::scene::pieces::Pieces;
 const STRIPS: &str = "tristrips";
 
 /// The header, checked to be that of a mesh and to fit a file of this length; what follows it, and the line of that.
-fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault> {
+fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), MeshError> {
     if !source.starts_with(b"ply") {
-        return Err(Fault::new("this is no PLY file").line(1).expected("the word ply in the first line"));
+        return Err(MeshError::new("this is no PLY file").line(1).expected("the word ply in the first line"));
     }
     let mut reader = Reader::new(source);
     let header = Parser::<Point>::new().read_header(&mut reader).map_err(|error| {
-        let fault = Fault::new("the header cannot be understood")
+        let fault = MeshError::new("the header cannot be understood")
             .expected("lines that begin with format, comment, element, property or obj_info, and end_header at last");
         match error.line() {
             Some(line) => fault.line(line),
-            None => Fault::new("the header has no usable format line").expected("as in: format ascii 1.0"),
+            None => MeshError::new("the header has no usable format line").expected("as in: format ascii 1.0"),
         }
     })?;
     let line = reader.line();
@@ -39,7 +39,7 @@ fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault>
 }
 
 /// The mesh of a file of this length; None if that cannot be read.
-pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, Fault>> {
+pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
     let mut pieces = Pieces::new(file, length);
     pieces.fill(&[])?;
     let (header, left, line) = loop {
@@ -60,13 +60,13 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, Fault>
 }
 
 impl<R: Read> Elements<R> {
-    fn mesh(&mut self, header: &Header) -> Result<Mesh, Fault> {
+    fn mesh(&mut self, header: &Header) -> Result<Mesh, MeshError> {
         let (mut mesh, mut fans, mut tints) = (Mesh::default(), Vec::new(), Vec::new());
         let vertices = header.elements["vertex"].count;
         let vertex = |owner: &str, number: usize, corner: usize, index: i64| {
             u32::try_from(index).ok().filter(|index| (*index as usize) < vertices).ok_or_else(|| {
                 let message = format!("{owner} {number}'s corner {corner} is vertex {index}, which the file has not");
-                Fault::new(message).expected(format!("0 to {}, counted from 0", vertices as i64 - 1))
+                MeshError::new(message).expected(format!("0 to {}, counted from 0", vertices as i64 - 1))
             })
         };
         for element in header.elements.values() {
@@ -117,7 +117,7 @@ impl<R: Read> Elements<R> {
                         }
                         if corners.len() < 3 {
                             let message = format!("face {read} has {}", counted(corners.len(), "corner", "corners"));
-                            return Err(self.at(Fault::new(message).expected("at least three")));
+                            return Err(self.at(MeshError::new(message).expected("at least three")));
                         }
                         mesh.push_face(read, &corners, &mut fans);
                         if is_coloured {
@@ -290,7 +290,11 @@ fn channels(bytes: &[u8], places: [Place<'_>; 3]) -> Vec3 {
 impl Mesh {
     /// Adds strips of triangles, separated by -1: each corner makes one with the two before it, and every other one is
     /// reversed. Those with a repeated corner only lead the strip elsewhere.
-    fn push_strips(&mut self, corners: &[i64], vertex: impl Fn(usize, i64) -> Result<u32, Fault>) -> Result<(), Fault> {
+    fn push_strips(
+        &mut self,
+        corners: &[i64],
+        vertex: impl Fn(usize, i64) -> Result<u32, MeshError>,
+    ) -> Result<(), MeshError> {
         let mut strip = Vec::new();
         for (corner, &index) in (1..).zip(corners) {
             if index == -1 {
@@ -367,11 +371,11 @@ fn painted(mut mesh: Mesh, header: &Header, tints: &[Vec3]) -> Mesh {
 }
 
 /// Checks that the header is that of a mesh and that the `length` bytes after it can hold its elements.
-fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
+fn check(header: &Header, text: &[u8], length: usize) -> Result<(), MeshError> {
     let begins = |word: &[u8]| text.split(|&byte| byte == b'\n').filter(|line| line.starts_with(word)).count();
     let properties: usize = header.elements.values().map(|element| element.properties.len()).sum();
     if begins(b"element ") != header.elements.len() || begins(b"property ") != properties {
-        return Err(Fault::new("the header names an element or a property twice").expected("a name once"));
+        return Err(MeshError::new("the header names an element or a property twice").expected("a name once"));
     }
 
     for element in header.elements.values() {
@@ -383,38 +387,38 @@ fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
         };
         if least == 0 && *count > 0 {
             return Err(
-                Fault::new(format!("the header gives its {name} elements no properties")).expected("at least one")
+                MeshError::new(format!("the header gives its {name} elements no properties")).expected("at least one")
             );
         }
         // The last line may lack its end.
         let most = (length + 1).checked_div(least).unwrap_or(0);
         if *count > most {
             let message = format!("the header claims {count} {name} elements, and the file has no room for so many");
-            return Err(Fault::new(message).expected(format!("at most {most}: {length} bytes follow the header")));
+            return Err(MeshError::new(message).expected(format!("at most {most}: {length} bytes follow the header")));
         }
     }
 
     let Some(vertex) = header.elements.get("vertex") else {
-        return Err(Fault::new("the header has no vertices").expected("element vertex, with its number"));
+        return Err(MeshError::new("the header has no vertices").expected("element vertex, with its number"));
     };
     if u32::try_from(vertex.count).is_err() {
-        return Err(Fault::new(format!("{} vertices are too many", vertex.count)).expected("at most 4294967295"));
+        return Err(MeshError::new(format!("{} vertices are too many", vertex.count)).expected("at most 4294967295"));
     }
     for axis in ["x", "y", "z"] {
         let found = vertex.properties.get(axis).map(|property| &property.data_type);
         if !matches!(found, Some(PropertyType::Scalar(_))) {
-            return Err(Fault::new(format!("vertices have no {axis}")).expected(format!("property float {axis}")));
+            return Err(MeshError::new(format!("vertices have no {axis}")).expected(format!("property float {axis}")));
         }
     }
     let faces: Vec<_> = ["face", STRIPS].iter().filter_map(|name| header.elements.get(*name)).collect();
     if faces.is_empty() {
-        return Err(Fault::new("the header has no faces").expected("element face, with its number"));
+        return Err(MeshError::new("the header has no faces").expected("element face, with its number"));
     }
     for face in faces {
         let list = face.properties.iter().find(|(name, _)| is_corners(name)).map(|(_, property)| &property.data_type);
         if !matches!(list, Some(PropertyType::List(_, index)) if !matches!(index, ScalarType::Float | ScalarType::Double))
         {
-            return Err(Fault::new("faces have no corners").expected("property list uchar int vertex_indices"));
+            return Err(MeshError::new("faces have no corners").expected("property list uchar int vertex_indices"));
         }
     }
     Ok(())
@@ -445,7 +449,7 @@ struct Elements<R> {
 }
 
 impl<R: Read> Elements<R> {
-    fn next<E: PropertyAccess>(&mut self, name: &str, number: usize, element: &ElementDef) -> Result<E, Fault> {
+    fn next<E: PropertyAccess>(&mut self, name: &str, number: usize, element: &ElementDef) -> Result<E, MeshError> {
         let parser = Parser::<E>::new();
         let read = match self.encoding {
             Encoding::Ascii => {
@@ -455,7 +459,7 @@ impl<R: Read> Elements<R> {
                     Ok(_) => self.line += 1,
                     Err(_) => {
                         self.line += 1;
-                        return Err(self.at(Fault::new(format!("{name} {number} is no text")).expected("numbers")));
+                        return Err(self.at(MeshError::new(format!("{name} {number} is no text")).expected("numbers")));
                     }
                 }
                 parser.read_ascii_element(&self.text, element)
@@ -466,7 +470,7 @@ impl<R: Read> Elements<R> {
         read.map_err(|error| self.misread(name, number, element, &error))
     }
 
-    fn misread(&self, name: &str, number: usize, element: &ElementDef, error: &ParseError) -> Fault {
+    fn misread(&self, name: &str, number: usize, element: &ElementDef, error: &ParseError) -> MeshError {
         if error.kind() == std::io::ErrorKind::UnexpectedEof {
             return self.cut_off(name, number, element);
         }
@@ -477,16 +481,16 @@ impl<R: Read> Elements<R> {
         }
         let properties: Vec<_> = element.properties.keys().map(String::as_str).collect();
         let expected = format!("its properties as the header lists them: {}", properties.join(" "));
-        self.at(Fault::new(format!("{name} {number} cannot be understood")).expected(expected))
+        self.at(MeshError::new(format!("{name} {number} cannot be understood")).expected(expected))
     }
 
-    fn cut_off(&self, name: &str, number: usize, element: &ElementDef) -> Fault {
+    fn cut_off(&self, name: &str, number: usize, element: &ElementDef) -> MeshError {
         let message = format!("the file ends in {name} {number}");
-        Fault::new(message).expected(format!("{} of them, as its header says", element.count))
+        MeshError::new(message).expected(format!("{} of them, as its header says", element.count))
     }
 
     /// With the line of the last element, in text.
-    fn at(&self, fault: Fault) -> Fault {
+    fn at(&self, fault: MeshError) -> MeshError {
         if self.encoding == Encoding::Ascii { fault.line(self.line - 1) } else { fault }
     }
 }

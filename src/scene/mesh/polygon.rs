@@ -2,7 +2,8 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::fault::{Fault, counted};
+use super::MeshError;
+use super::fault::counted;
 
 /// The most corners that one of a face is compared with, on average: enough for some two thousand corners.
 const PATIENCE: usize = 1000;
@@ -18,7 +19,7 @@ pub(super) struct Fan {
 }
 
 /// Triangulates the faces that are not convex again, in place.
-pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -> Result<(), Fault> {
+pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -> Result<(), MeshError> {
     for &Fan { number, first, corners } in fans {
         let fan = &mut triangles[first..first + corners - 2];
         let outline: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|triangle| triangle[2])).collect();
@@ -28,7 +29,7 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
         }
         let ears = ears(&flat).ok_or_else(|| {
             let corners = counted(corners, "corner", "corners");
-            Fault::new(format!("face {number} has {corners} and is not convex")).expected("triangles in its place")
+            MeshError::new(format!("face {number} has {corners} and is not convex")).expected("triangles in its place")
         })?;
         for (triangle, ear) in fan.iter_mut().zip(ears) {
             *triangle = ear.map(|corner| outline[corner]);

@@ -3,7 +3,6 @@
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use super::fault::Fault;
 use super::materials::Materials;
 use super::polygon::{self, Fan};
 use super::{Mesh, MeshError, MeshFormat, obj, ply, stl};
@@ -16,25 +15,21 @@ impl Mesh {
     /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Unreadable materials are not
     /// an error, but a note. Memory stays within a small multiple of the file's length, whatever its header claims.
     pub fn read(path: &Path) -> Result<Mesh, MeshError> {
-        let fault = |Fault { line, message, expected }| MeshError { path: path.into(), line, message, expected };
         let format = MeshFormat::from_path(path).ok_or_else(|| {
-            fault(Fault::new("the name of a mesh file tells its format").expected(".obj, .ply or .stl at its end"))
+            let fault = MeshError::new("the name of a mesh file tells its format");
+            fault.expected(".obj, .ply or .stl at its end").of(path)
         })?;
-        let unread = |cause: io::Error| {
-            fault(match cause.kind() {
-                ErrorKind::NotFound => Fault::new("there is no such file").expected(
-                    open::nearest(path).map_or("a mesh file".into(), |near| format!("a mesh file, such as `{near}`")),
-                ),
-                ErrorKind::IsADirectory => Fault::new("this is a directory").expected("a mesh file"),
-                ErrorKind::PermissionDenied => Fault::new("the file may not be read").expected("permission to read it"),
-                _ => Fault::new(format!("the file cannot be read: {cause}")),
-            })
+        let unread = |cause: io::Error| match cause.kind() {
+            ErrorKind::NotFound => MeshError::new("there is no such file").expected(
+                open::nearest(path).map_or("a mesh file".into(), |near| format!("a mesh file, such as `{near}`")),
+            ),
+            ErrorKind::IsADirectory => MeshError::new("this is a directory").expected("a mesh file"),
+            ErrorKind::PermissionDenied => MeshError::new("the file may not be read").expected("permission to read it"),
+            _ => MeshError::new(format!("the file cannot be read: {cause}")),
         };
         let in_pieces = open::read_twice(path).and_then(|(file, length)| parse(file, length, format));
-        let (mut mesh, materials) = match in_pieces {
-            Some(read) => read.map_err(fault)?,
-            None => parse_all(&open::contents(path).map_err(unread)?, format).map_err(fault)?,
-        };
+        let read = in_pieces.unwrap_or_else(|| parse_all(&open::contents(path).map_err(unread)?, format));
+        let (mut mesh, materials) = read.map_err(|fault| fault.of(path))?;
         materials.paint(&mut mesh, path.parent().unwrap_or(Path::new("")));
         Ok(mesh)
     }
@@ -44,8 +39,7 @@ impl Mesh {
     /// # Errors
     /// As [`Mesh::read`].
     pub fn from_bytes(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
-        let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        parse_all(&source, format).map(|(mesh, _)| mesh).map_err(fault)
+        parse_all(&source, format).map(|(mesh, _)| mesh).map_err(|fault| fault.of(name))
     }
 
     /// Adds face `number`, of three corners or more, as a fan around its first.
@@ -57,7 +51,7 @@ impl Mesh {
     }
 
     /// Triangulates faces that are not convex, now that all vertices are known.
-    pub(super) fn cut(mut self, fans: &[Fan]) -> Result<Mesh, Fault> {
+    pub(super) fn cut(mut self, fans: &[Fan]) -> Result<Mesh, MeshError> {
         self.polygons = fans.len();
         polygon::cut(fans, &self.vertices, &mut self.triangles)?;
         Ok(self)
@@ -65,9 +59,9 @@ impl Mesh {
 }
 
 /// The mesh of a file of this length, with only a piece at a time in memory; None if that cannot be read.
-fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(Mesh, Materials), Fault>> {
+fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(Mesh, Materials), MeshError>> {
     if length == 0 {
-        return Some(Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}"))));
+        return Some(Err(MeshError::new("the file is empty").expected(format!("a mesh in the format {format}"))));
     }
     let alone = |mesh| (mesh, Materials::default());
     let read = match format {
@@ -75,10 +69,10 @@ fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(M
         MeshFormat::Ply => ply::read(file, length)?.map(alone),
         MeshFormat::Stl => stl::read(file, length)?.map(alone),
     };
-    let empty = || Fault::new("the mesh is empty").expected("at least one face");
+    let empty = || MeshError::new("the mesh is empty").expected("at least one face");
     Some(read.and_then(|read| if read.0.triangles.is_empty() { Err(empty()) } else { Ok(read) }))
 }
 
-fn parse_all(source: &[u8], format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
+fn parse_all(source: &[u8], format: MeshFormat) -> Result<(Mesh, Materials), MeshError> {
     parse(source, source.len(), format).expect("memory can be read")
 }

@@ -4,8 +4,8 @@ use std::io::{Cursor, ErrorKind, Read};
 
 use glam::Vec3;
 
-use super::Mesh;
-use super::fault::{Fault, not_finite};
+use super::fault::not_finite;
+use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 
 /// A binary file: a title of this many bytes, a count of 4 bytes, and the facets.
@@ -76,7 +76,7 @@ fn join_solids(source: &mut [u8]) {
 }
 
 /// The mesh of a file of this length; None if that cannot be read.
-pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, Fault>> {
+pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
     let mut source = Vec::new();
     file.by_ref().take((TITLE + 4) as u64).read_to_end(&mut source).ok()?;
     if is_binary(&source, length) {
@@ -87,18 +87,18 @@ pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, Fa
 }
 
 /// Reads the rest of a binary file after its head.
-fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh, Fault>> {
+fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh, MeshError>> {
     /// The facets of a piece, which stays in a core's caches.
     const TOGETHER: usize = 2048;
     let body = length.saturating_sub(TITLE + 4);
     let Some(claimed) = claimed(head) else {
-        let fault = Fault::new(format!("the file has {length} bytes"));
+        let fault = MeshError::new(format!("the file has {length} bytes"));
         return Some(Err(fault.expected("the word solid at its start, or 84 bytes and more")));
     };
     let (count, most) = (claimed as usize, body / FACET);
     if count > most {
         let message = format!("the header claims {claimed} facets, and the file has no room for so many");
-        return Some(Err(Fault::new(message).expected(format!("at most {most}: {body} bytes follow it"))));
+        return Some(Err(MeshError::new(message).expected(format!("at most {most}: {body} bytes follow it"))));
     }
     // A closed mesh has half as many vertices.
     let (mut vertices, mut triangles) = (Corners::new(room(count + 1)), room(count));
@@ -121,11 +121,11 @@ fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh
     Some(Ok(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() }))
 }
 
-fn nowhere(facet: usize, corner: usize) -> Fault {
+fn nowhere(facet: usize, corner: usize) -> MeshError {
     not_finite(&format!("facet {facet}'s vertex {}", corner + 1))
 }
 
-fn text(mut source: Vec<u8>) -> Result<Mesh, Fault> {
+fn text(mut source: Vec<u8>) -> Result<Mesh, MeshError> {
     join_solids(&mut source);
     if source.get(5).is_none_or(|&after| after != b' ') {
         // A solid without a name; stl_io expects the space before it.
@@ -133,11 +133,11 @@ fn text(mut source: Vec<u8>) -> Result<Mesh, Fault> {
     }
     let (mut vertices, mut triangles) = (Corners::new(Vec::new()), Vec::new());
     let mut cursor = Cursor::new(source);
-    let facets = stl_io::create_stl_reader(&mut cursor).map_err(|error| Fault::new(error.to_string()))?;
+    let facets = stl_io::create_stl_reader(&mut cursor).map_err(|error| MeshError::new(error.to_string()))?;
     for (number, facet) in (1..).zip(facets) {
         let facet = facet.map_err(|error| {
             let end = error.kind() == ErrorKind::UnexpectedEof;
-            let fault = Fault::new(if end {
+            let fault = MeshError::new(if end {
                 format!("the file ends in facet {number}")
             } else {
                 format!("facet {number} cannot be understood")
