@@ -422,6 +422,7 @@ fn shadows_of<E: Element>(
         let asked = LitPoints { points: &points, light: &at };
         for side in shadows.sides(light) {
             let mut groups = Box::new(LitGroups::ZERO);
+            groups.open.fill(0xffff);
             packets.seen.call(side.view(), &points, side.axis(), &mut groups);
             add(&mut made, "seen", &groups);
             groups.own.fill_with(|| choose(&mut rng, &owners));
