@@ -3,8 +3,9 @@
 ; An object hides a light L from a point P of another object if it meets the segment between them. A triangle does if P
 ; is on the other side of its plane than L, and within its edges as L sees them: on the inner side of the planes
 ; through L and each edge, eq. 10 asked from the light. A sphere does if the line through P and L meets it, eq. 5 asked
-; from P with g = L - P and q = c - P: D = (g.q)^2 - g.g (q.q - r^2) near it, r^2 g.g - |q x g|^2 from afar; and if one
-; of the two walls is between. What P's rounding may explain does not hide.
+; from P with g = L - P and q = c - P: D = (g.q)^2 - g.g (q.q - r^2) near it, r^2 g.g - |q x g|^2 from afar, where l =
+; c - L stands for q if it is shorter; and if one of the two walls is between. What P's rounding may explain does not
+; hide.
 ;
 ; Assembled once per ISA, in f64. The functions:
 ;
@@ -114,6 +115,26 @@
     VMUL    v10, v6, v3
     VFMA    v10, v7, v4, v14
     VFMA    v10, v8, v5, v14            ; h = g.q
+    VMOV    v12, [SUM_OF_SQUARES]
+    VSUB    v13, v10, v12               ; g.l = g.q - g.g
+    VSPREAD v11, [r10 + ELEM * SphereCasters.far]
+    MASK_GREATER v9, v11
+    MASK_BITS eax
+    test    eax, eax
+    jz      %%near
+    VSPREAD v11, [r10 + ELEM * SphereCasters.lx]
+    VMUL    v14, v11, v3
+    VSELECT v6, v11
+    VSPREAD v11, [r10 + ELEM * SphereCasters.ly]
+    VMUL    v12, v11, v4
+    VADD    v14, v14, v12
+    VSELECT v7, v11
+    VSPREAD v11, [r10 + ELEM * SphereCasters.lz]
+    VMUL    v12, v11, v5
+    VADD    v14, v14, v12
+    VSELECT v8, v11
+    VSELECT v13, v14
+%%near:
     VMUL    v11, v7, v5
     VFNMA   v11, v8, v4, v14
     VMUL    v11, v11, v11
@@ -122,7 +143,7 @@
     VFMA    v11, v12, v12, v14
     VMUL    v12, v6, v4
     VFNMA   v12, v7, v3, v14
-    VFMA    v11, v12, v12, v14          ; |q x g|^2
+    VFMA    v11, v12, v12, v14          ; |q x g|^2, or |l x g|^2
     VMOV    v12, [SUM_OF_SQUARES]
     VSPREAD v6, [r10 + ELEM * SphereCasters.r2]
     VMOV    v7, v6
@@ -136,8 +157,7 @@
     VSPREAD v6, [r10 + ELEM * SphereCasters.most]
     VADD    v7, v7, v6                  ; D; infinite around the light, whatever rounding makes of it
     MASK_NOT_LESS v7, [PACKET(zeros)]
-    VSUB    v11, v10, v12
-    MASK_AND_LESS v11, v6, v14          ; a wall is before the light
+    MASK_AND_LESS v13, v6, v14          ; a wall is before the light
     ELEMENT_OPERAND [r10 + ELEM * SphereCasters.past], v14
     VADD    v10, v10, ONE
     VSPREAD v6, [r10 + ELEM * SphereCasters.bound]

@@ -58,7 +58,7 @@ pub use records::{
 };
 pub use records::{GROUP, LightSideView, LitGroups, MOST_CASTERS, SphereCasters, TilePoints, TriangleCasters};
 pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
-pub use shadows::{Cast, Caster, CasterList, Casters, Extent, LitPoints, Points, Seen, own_bits};
+pub use shadows::{Cast, Caster, CasterList, Casters, Extent, FAR_BESIDE_NEAR, LitPoints, Points, Seen, own_bits};
 pub use tiles::{
     Around, Bounded, Bounds, Extremes, Farthest, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
     ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TILE_PIXELS, TileBuffers,

@@ -146,6 +146,9 @@ pub struct LitPoints<'a> {
     pub light: &'a [f64; 3],
 }
 
+/// The greatest distance of an edge's ends beside the least one, from which the rounding of its middle matters near the latter.
+pub const FAR_BESIDE_NEAR: f64 = 1024.0;
+
 /// The axes of a side of a light's cube that looks along one of them: across, down and depth.
 pub fn axes(axis: usize) -> [usize; 3] {
     [1, 2, 0].map(|next| (axis + next) % 3)

@@ -12,8 +12,8 @@ use glam::{DVec3, Vec3A};
 use super::light;
 use super::team::Team;
 use crate::kernels::{
-    Cast, CasterList, Extent, LightSideView, MOST_CASTERS, ObjectList as _, Plain as _, PointObject, SphereCasters,
-    TriangleArrays, TriangleCasters, TriangleList,
+    Cast, CasterList, Extent, FAR_BESIDE_NEAR, LightSideView, MOST_CASTERS, ObjectList as _, Plain as _, PointObject,
+    SphereCasters, TriangleArrays, TriangleCasters, TriangleList,
 };
 use crate::reference::geometry;
 use crate::scene::{Scene, Sphere};
@@ -35,6 +35,9 @@ const SLACK: f64 = 8.0 * f64::EPSILON;
 
 /// What P's rounding, and that of products with it, may make of the power of a sphere.
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// A point of so many times the power of its light for a sphere is much farther from it than that.
+const FAR_POWER: f64 = 1048576.0;
 
 /// Triangles next to each other in the scene that are one object of a side, if they are also near each other.
 const RUN: usize = 16;
@@ -129,9 +132,10 @@ struct Bounds {
 /// Of what is beside the light or around it.
 const WHOLE: Bounds = Bounds { low: [-1.0; 2], high: [1.0; 2], depth: 0.0 };
 
-/// Whether an object's least distance from a light is so small beside its greatest one that the rounding of its middle matters.
-fn is_near(least: f64, greatest: f64) -> bool {
-    least * 1024.0 < greatest
+/// Whether an object between these coordinates is so near to 0, beside its greatest distance, that the rounding of its middle
+/// matters.
+fn is_near([low, high]: [DVec3; 2]) -> bool {
+    low.max(-high).max_element() * FAR_BESIDE_NEAR < high.max(-low).max_element()
 }
 
 /// A vector in the axes of a side: across, down, and depth.
@@ -186,10 +190,9 @@ impl Side {
         let (depth, [low_x, low_y]) = (sign * depth, low);
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
         let bounds = |run: &Run| {
-            let [low, high] = run.ends.map(|v| v - light);
-            let of = Bounds::of_box([low, high], number)?;
-            let (nearest, farthest) = (low.max(-high).max_element(), high.max(-low).max_element());
-            let depth = if is_near(nearest, farthest) { 0.0 } else { of.depth };
+            let ends = run.ends.map(|v| v - light);
+            let of = Bounds::of_box(ends, number)?;
+            let depth = if is_near(ends) || is_near(run.ends) { 0.0 } else { of.depth };
             Some(extent(&view, &Bounds { depth, ..of }, run))
         };
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
@@ -436,8 +439,11 @@ impl<'a> LightSide<'a> {
         let doubtful = triangles.doubtful().into_iter().map(|of| (true, of));
         for (is_doubtful, (at, place)) in doubtful.chain(beside.map(|of| (false, of))) {
             let corners = list.vertices((place - first) as usize).map(|v| v.as_dvec3());
-            let distances = DVec3::from(corners.map(|v| (v - self.position).abs().max_element()));
-            let near = is_near(distances.min_element(), distances.max_element());
+            let is_near = |from: DVec3| {
+                let [a, b, c] = corners.map(|v| v - from);
+                is_near([a.min(b).min(c), a.max(b).max(c)])
+            };
+            let near = is_near(self.position) || is_near(DVec3::ZERO);
             if !is_doubtful && !near {
                 continue;
             }
@@ -454,7 +460,8 @@ impl<'a> LightSide<'a> {
     fn cast_sphere(&self, object: &Extent, casters: &mut CasterList<SphereCasters<f64>>) {
         let sphere: &Sphere = &self.scene.spheres[object.first as usize];
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-        let (r2, of_light) = (radius * radius, geometry::power(c - self.position, radius));
+        let l = c - self.position;
+        let (r2, of_light) = (radius * radius, geometry::power(l, radius));
         let is_outside = of_light > 0.0;
         // Points of a large sphere may be so near that |P - c|^2 - r^2 loses them.
         let is_large = c.dot(c) < 4.0 * r2;
@@ -464,6 +471,7 @@ impl<'a> LightSide<'a> {
         (of.x[at], of.y[at], of.z[at]) = (c.x, c.y, c.z);
         (of.ux[at], of.uy[at], of.uz[at]) = (u.x, u.y, u.z);
         (of.wx[at], of.wy[at], of.wz[at]) = (w.x, w.y, w.z);
+        (of.lx[at], of.ly[at], of.lz[at], of.far[at]) = (l.x, l.y, l.z, FAR_POWER * of_light.abs());
         (of.k[at], of.r2[at], of.bound[at]) = (k, r2, SPHERE_ROUNDING * radius);
         of.side[at] = if is_outside { 1.0 } else { -1.0 };
         of.past[at] = if is_outside { 0.0 } else { f64::NEG_INFINITY };

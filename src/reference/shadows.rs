@@ -84,19 +84,23 @@ where
 
     fn is_hidden_by_triangle(&self, vertices: [Vector<N>; 3]) -> Option<f64> {
         let [v1, v2, v3] = &vertices;
+        // The terms of a far corner would cancel.
+        let nearest = |sizes: [f64; 3]| (1..3).fold(0, |at, i| if sizes[i] < sizes[at] { i } else { at });
         let seen = vertices.each_ref().map(|v| v.sub(&self.p));
         let sizes = seen.each_ref().map(|v| DVec3::from(v.to_f64()).length());
         let from_light = vertices.each_ref().map(|v| DVec3::from(v.sub(&self.light).to_f64()));
         let (a, b) = (v1.sub(v2), v1.sub(v3));
         let (n, area) = (a.cross(&b), DVec3::from(a.to_f64()).length() * DVec3::from(b.to_f64()).length());
-        let of_light = &n.dot(&v1.sub(&self.light));
-        let sure = strictly(of_light, area * from_light[0].length())?;
+        let at = nearest(from_light.map(DVec3::length));
+        let of_light = &n.dot(&vertices[at].sub(&self.light));
+        let sure = strictly(of_light, area * from_light[at].length())?;
         let side = N::new(if sure > 0.0 { -1.0 } else { 1.0 });
         if sure == NEVER {
             return Some(NEVER);
         }
-        let of_p = &n.dot(&seen[0]) * &side;
-        let mut hides = strictly(&of_p, area * (sizes[0] + 2.0 * self.doubt))?.min(sure.abs());
+        let at = nearest(sizes);
+        let of_p = &n.dot(&seen[at]) * &side;
+        let mut hides = strictly(&of_p, area * (sizes[at] + 2.0 * self.doubt))?.min(sure.abs());
         let g = self.g.scale(&side);
         let g_size = DVec3::from(g.to_f64()).length();
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {

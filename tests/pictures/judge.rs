@@ -18,6 +18,7 @@ use std::ops::RangeInclusive;
 
 use crate::mixtures;
 use glam::DVec3;
+use proptest::prelude::*;
 use proptest::test_runner::{TestCaseError, TestError};
 use rayo::experiments::accuracy::errors::margin_of;
 use rayo::experiments::accuracy::{Contender, contenders};
@@ -282,7 +283,8 @@ fn what_f32_loses_without_care_is_found() {
 #[test]
 fn no_packet_engine_fails_on_a_random_mixture_of_all_families() {
     let packets: Vec<_> = contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect();
-    let run = mixtures::runner().run(&mixtures::mixture(), |scene| {
+    let scenes = (mixtures::mixture(), any::<bool>()).prop_map(|(scene, shadows)| Scene { shadows, ..scene });
+    let run = mixtures::runner().run(&scenes, |scene| {
         let failures = failures(&scene, &packets);
         if failures.is_empty() { Ok(()) } else { Err(TestCaseError::fail(failures.join("\n"))) }
     });

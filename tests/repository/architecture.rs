@@ -216,7 +216,7 @@ fn comments_and_strings_are_no_code() {
 /// What is added takes the place of something, or argues for more here: shadows were asked for.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 61_166;
+    const LINES: usize = 61_219;
     const KERNELS: usize = 50;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));

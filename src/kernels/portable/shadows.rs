@@ -7,7 +7,7 @@ use super::super::records::{
     CasterBounds, Element as _, GROUP, LightSideView, LitGroups, PointObject, PointView, SphereCasters, TILE_WIDTH,
     TilePoints, TriangleCasters,
 };
-use super::super::shadows::{BLOCK, Caster, CasterList, LitPoints, axes, own_bits};
+use super::super::shadows::{BLOCK, Caster, CasterList, FAR_BESIDE_NEAR, LitPoints, axes, own_bits};
 use super::super::tiles::TILE_PIXELS;
 use super::lanes::{Each, Lanes, Packet, cross_unfused, dot, dot_unfused, zip};
 
@@ -107,11 +107,15 @@ fn sphere_hides<W: Lanes<Number = f64>>(
     let outside = dot(from(&of.ux, &of.uy, &of.uz), from(&of.wx, &of.wy, &of.wz)) + all(&of.k);
     let q = zip([&of.x, &of.y, &of.z].each(all), p, |c, p| c - p);
     let (a, h) = (dot(g, g), dot(q, g));
-    let across = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| (q[i] * g[j]).fnma(q[j], g[i]));
+    let l = [&of.lx, &of.ly, &of.lz].each(all);
+    let is_far = outside.greater(all(&of.far));
+    let beside = zip(l, q, |l, q| is_far.select(l, q));
+    let of_light = is_far.select(dot_unfused(g, l), h - a);
+    let across = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| (beside[i] * g[j]).fnma(beside[j], g[i]));
     let far = all(&of.r2) * a - dot(across, across);
     let near = h * h - outside * a;
     let disc = all(&of.r2).greater(outside).select(near, far) + all(&of.most);
-    let before_light = all(&of.most).greater(h - a);
+    let before_light = all(&of.most).greater(of_light);
     let before_p = zero - (all(&of.bound) * size).fma(all(&of.side), outside);
     let before_p = (h + all(&of.past)).max(before_p).greater(zero);
     disc.not_less(zero).and(before_light).and(before_p).and(unequal(own, all(&of.own)))
@@ -226,8 +230,8 @@ fn bounds_of<W: Lanes<Number = f64>>(
     }
 }
 
-/// PLANES_OF_CASTERS, from a normal and something with the sign of its side; or, if they reach that `near` to the light, with edges
-/// that are exact where their middles are much farther from it and from the camera than their ends.
+/// PLANES_OF_CASTERS, from a normal and something with the sign of its side; of those that reach so `near` to the light or the
+/// camera that the rounding of an edge's middle matters, such edges are taken through their ends.
 #[inline(always)]
 fn planes<W: Lanes<Number = f64>>(
     of: &mut TriangleCasters<f64>,
@@ -263,8 +267,18 @@ fn planes<W: Lanes<Number = f64>>(
     for (number, (v, w)) in [(0, 1), (1, 2), (2, 0)].into_iter().enumerate() {
         let (v, w) = (corners[v], corners[w]);
         let middle = zip(v, w, |v, w| (v + w) * W::of(0.5));
-        let ends = [v, w, light];
-        let (seen, known) = if near { (nearest(&[v, w], light), nearest(&ends, origin)) } else { (middle, middle) };
+        let mut points = [middle; 2];
+        if near {
+            // A rule for edges alone: triangles that share one have the same plane.
+            let exact = [nearest(&[v, w], light), nearest(&[v, w, light], origin)];
+            let [of_light, of_camera] = [light, origin].each(|from| {
+                let [v, w] = [v, w].each(|v| size_of(zip(v, from, W::sub)));
+                v.max(w).greater(v.min(w) * W::of(FAR_BESIDE_NEAR))
+            });
+            let is_near = of_light.select(of_light, of_camera);
+            points = std::array::from_fn(|i| zip(exact[i], middle, |exact, middle| is_near.select(exact, middle)));
+        }
+        let [seen, known] = points;
         let e = cross_unfused(zip(seen, light, W::sub), zip(w, v, W::sub)).each(|e| with_side(e, side));
         store(number, e, dot_unfused(e, known).negated());
     }
@@ -277,7 +291,7 @@ fn planes<W: Lanes<Number = f64>>(
 
 impl CasterList<TriangleCasters<f64>> {
     /// Sets the planes of one of them whose plane has this normal, which points from the light if `side` is positive; it may
-    /// reach [near](planes) to the light.
+    /// reach [near](planes) to the light or the camera.
     pub fn set_planes(
         &mut self,
         (at, near): (usize, bool),
