@@ -13,8 +13,8 @@ use rayo::kernels::harness::checked;
 use rayo::kernels::{
     BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, LIT_ROWS, LitGroups, LitPoints, LitRow, LitRows,
     LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
-    SphereRecords, TILE_PARTS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, Vec4, own_bits,
-    packet_symbols,
+    SphereRecords, TILE_PARTS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, TriangleList,
+    Vec4, own_bits, packet_symbols,
 };
 use rayo::plan::{Casters, Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
@@ -206,7 +206,12 @@ fn scattered(seed: u64, lights: usize) -> Scene {
         let size = 4f32.powi(1 - (i % 8) as i32);
         let mut corner =
             || centre + size * Vec3::new(rng.between(-1.0, 1.0), rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
-        scene.triangles.push(Triangle { colour, vertices: [corner(), corner(), corner()] });
+        let mut vertices = [corner(), corner(), corner()];
+        // Some lie in a plane with the camera, but for rounding.
+        if i % 25 == 20 {
+            vertices[1] = 2.0 * vertices[0];
+        }
+        scene.triangles.push(Triangle { colour, vertices });
     }
     // Some end, in one direction, a ten-thousandth of a pixel before the middle of the picture.
     let radius = 2.999_99;
@@ -319,7 +324,9 @@ fn tiles_of<E: Element + Debug>(
     add(&mut made, "long forms", &longs);
 
     let mut shades = vec![TileShade::<E>::default(); (1 + 3 * CHUNK) * lights];
-    for (kind, triangles) in plan.triangle_lists().iter().enumerate() {
+    // Not those of the plan, which lacks what is never seen.
+    let lists = [TriangleList::Apart(&scene.triangles), TriangleList::Joined((&scene.faces).into())];
+    for (kind, triangles) in lists.iter().enumerate() {
         let most = triangles.len().min(2 * CHUNK);
         let mut candidates = vec![Candidate::default(); triangles.len().next_multiple_of(CHUNK)];
         for keep_all in [false, true] {
