@@ -1334,6 +1334,19 @@ fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn an_experiment_whose_runs_cannot_start_names_the_limits_that_may_be_why() {
+    let place = Place::new();
+    let run = |files| place.shell(&format!("ulimit -n {files}; rayo experiment --quick --runs 1 --out a"));
+    // With fewer files it cannot even listen for signals.
+    let mut told = (4..64).map(|files| String::from_utf8(run(files).stderr).unwrap());
+    let told = told.find(|told| !told.contains("error: cannot listen for signals")).unwrap();
+    let start = "error: cannot start a process for run 0: Too many open files (os error 24); ";
+    let end = "a limit of processes or of open files may be too low (ulimit -u, ulimit -n)\n";
+    assert_eq!(told, [start, end].concat());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn a_reader_that_has_gone_ends_the_render_with_status_1() {
     let place = Place::new();
     let (reader, writer) = std::io::pipe().unwrap();
