@@ -1340,9 +1340,8 @@ fn an_experiment_whose_runs_cannot_start_names_the_limits_that_may_be_why() {
     // With fewer files it cannot even listen for signals.
     let mut told = (4..64).map(|files| String::from_utf8(run(files).stderr).unwrap());
     let told = told.find(|told| !told.contains("error: cannot listen for signals")).unwrap();
-    let start = "error: cannot start a process for run 0: Too many open files (os error 24); ";
-    let end = "a limit of processes or of open files may be too low (ulimit -u, ulimit -n)\n";
-    assert_eq!(told, [start, end].concat());
+    let start = "error: run 0 in its own process: cannot start: Too many open files (os error 24); ";
+    assert_eq!(told, [start, "raise ulimit -u or -n\n"].concat());
 }
 
 #[cfg(target_os = "linux")]

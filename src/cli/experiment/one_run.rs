@@ -70,10 +70,7 @@ pub(super) fn in_own_process(
     let failed =
         |error: &dyn std::fmt::Display| Failure::output(format!("run {} in its own process: {error}", which.number));
     let started = ladder::on_all(cores, || start(which)).map_err(failure)?;
-    let mut process = started.map_err(|error| {
-        let limits = "a limit of processes or of open files may be too low (ulimit -u, ulimit -n)";
-        Failure::output(format!("cannot start a process for run {}: {error}; {limits}", which.number))
-    })?;
+    let mut process = started.map_err(|error| failed(&format!("cannot start: {error}; raise ulimit -u or -n")))?;
     for line in (&mut process.messages).lines() {
         let message = serde_json::from_str(&line.map_err(|error| failed(&error))?).map_err(|error| failed(&error))?;
         if !hear(message) {
