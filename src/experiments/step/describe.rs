@@ -1,15 +1,12 @@
 //! An instruction in the words of its source: names in place of registers, and what it changed.
 
-use iced_x86::{
-    ConditionCode, Decoder, DecoderOptions, FlowControl, Formatter, IntelFormatter, MemorySizeOptions, Mnemonic,
-    OpKind, Register,
-};
+use iced_x86::{ConditionCode, FlowControl, Formatter, IntelFormatter, MemorySizeOptions, Mnemonic, OpKind, Register};
 use serde::Serialize;
 
-use super::model::{Element, Operation, Place, What};
+use super::model::{self, Element, Operation, Place, What, decode};
 use super::shadow::{ElementError, StepError};
 use super::slice;
-use crate::kernels::step::{State, Step};
+use crate::kernels::step::Step;
 use crate::measure::instructions::{self, Instruction};
 use crate::measure::source::{self, Call, Macro, Parameter, Unit};
 
@@ -113,17 +110,12 @@ impl Kind {
         }
     }
 
-    fn value(self, bytes: &[u8]) -> Value {
-        let mut word = [0; 8];
-        let length = bytes.len().min(8);
-        word[..length].copy_from_slice(&bytes[..length]);
-        let word = u64::from_le_bytes(word);
+    fn value(self, bits: u64) -> Value {
         match self {
-            Kind::Single => Value::Single(f32::from_bits(word as u32)),
-            Kind::Double => Value::Double(f64::from_bits(word)),
-            Kind::Mask => Value::Mask(word),
-            Kind::Whole(64) => Value::Bits(word),
-            Kind::Whole(bits) => Value::Bits(word & ((1 << bits) - 1)),
+            Kind::Single => Value::Single(f32::from_bits(bits as u32)),
+            Kind::Double => Value::Double(f64::from_bits(bits)),
+            Kind::Mask => Value::Mask(bits),
+            Kind::Whole(_) => Value::Bits(bits),
         }
     }
 }
@@ -177,7 +169,7 @@ impl Describer {
 
     /// The line of a step, and the instruction as it is counted.
     pub fn line(&mut self, step: &Step<'_>, error: &StepError, part: &slice::Part) -> (Line, Instruction) {
-        let raw = decoded(step);
+        let raw = decode(step);
         let instruction = instructions::decode(&step.code[..raw.len()], step.before.rip).next();
         let instruction = instruction.expect("the CPU has executed it");
         let mut text = String::new();
@@ -228,7 +220,7 @@ impl Describer {
         kind: Kind,
     ) -> Vec<Change> {
         // What is saved on the stack is no news.
-        let name = decoded(step).mnemonic();
+        let name = decode(step).mnemonic();
         if matches!(name, Mnemonic::Push | Mnemonic::Pop | Mnemonic::Call | Mnemonic::Ret) {
             return Vec::new();
         }
@@ -269,18 +261,14 @@ impl Describer {
             if lanes.is_empty() {
                 continue;
             }
-            let value = |state: &State, after: bool, lane: u64| element(step, state, after, of, lane, kind);
-            let before: Vec<_> = lanes.iter().map(|&lane| value(step.before, false, lane)).collect();
-            let after: Vec<_> = lanes.iter().map(|&lane| value(step.after, true, lane)).collect();
+            let at = |lane: &u64| Element { place: of, at: base + lane * bits, bits: kind.bits() };
+            let elements: Vec<_> = lanes.iter().map(at).collect();
             let register = match of {
                 Place::Memory => place.memory.clone(),
                 of => register_name(of, operations),
             };
-            let errors = lanes.iter().map(|&lane| {
-                let at = Element { place: of, at: base + lane * bits, bits: kind.bits() };
-                error.errors.iter().find(|error| error.at == at && error.exact.is_some())
-            });
-            let errors: Vec<Option<&ElementError>> = errors.collect();
+            let error_of = |at: &Element| error.errors.iter().find(|error| error.at == *at && error.exact.is_some());
+            let errors: Vec<Option<&ElementError>> = elements.iter().map(error_of).collect();
             changes.push(Change {
                 name: place.name_of(self.unit, &register).unwrap_or_else(|| register.clone()),
                 register,
@@ -288,8 +276,8 @@ impl Describer {
                 added_ulp: errors.iter().map(|error| Some((*error)?.added)).collect(),
                 cancelled_bits: errors.iter().map(|error| (*error)?.cancelled).collect(),
                 lanes: lanes.into_iter().map(|lane| lane as usize).collect(),
-                before,
-                after,
+                before: elements.iter().map(|&at| kind.value(model::before(step, at))).collect(),
+                after: elements.iter().map(|&at| kind.value(model::after(step, at))).collect(),
             });
         }
         changes
@@ -304,18 +292,19 @@ impl Describer {
         }
         let operand = |index: u32| -> Option<(String, Value)> {
             let kind = if float { kind } else { Kind::Whole(8 * raw.op_register(0).size().clamp(1, 8) as u32) };
+            let value =
+                |kind: Kind, place, at| kind.value(model::before(step, Element { place, at, bits: kind.bits() }));
             match raw.op_kind(index) {
                 OpKind::Register => {
                     let register = raw.op_register(index);
-                    let place_of = match register {
-                        _ if register.is_gpr() => Place::General(register.number() as u8),
-                        _ => Place::Vector(register.number() as u8),
+                    let value = match register.number() as u8 {
+                        number if register.is_gpr() => value(Kind::Whole(64), Place::General(number), 0),
+                        number => value(kind, Place::Vector(number), 0),
                     };
                     let text = format!("{register:?}").to_lowercase();
-                    let value = element(step, step.before, false, place_of, 0, kind);
                     Some((place.name_of(self.unit, &text).unwrap_or(text), value))
                 }
-                OpKind::Memory => Some((place.memory.clone(), kind.value(&step.touched?.before))),
+                OpKind::Memory => Some((place.memory.clone(), value(kind, Place::Memory, 8 * step.touched?.address))),
                 _ => Some((String::new(), Value::Bits(raw.try_immediate(index).ok()?))),
             }
         };
@@ -333,10 +322,6 @@ impl Describer {
         let b_text = if b_name.is_empty() { b.to_string() } else { format!("{b_name} = {b}") };
         Some(format!("{a_name} = {a} {relation} {b_text}"))
     }
-}
-
-fn decoded(step: &Step<'_>) -> iced_x86::Instruction {
-    Decoder::with_ip(64, step.code, step.before.rip, DecoderOptions::NONE).decode()
 }
 
 /// An element that is zeroed on the way: the upper part of a register.
@@ -471,23 +456,6 @@ fn register_name(of: Place, operations: &[Operation]) -> String {
         _ => return String::new(),
     };
     format!("{register:?}").to_lowercase()
-}
-
-fn element(step: &Step<'_>, state: &State, after: bool, of: Place, lane: u64, kind: Kind) -> Value {
-    let bytes = (kind.bits() / 8) as usize;
-    let from = lane as usize * bytes;
-    match of {
-        Place::General(number) => Value::Bits(state.general[usize::from(number)]),
-        Place::Mask(number) => Value::Mask(state.masks[usize::from(number)]),
-        Place::Vector(number) => kind.value(&state.vectors[usize::from(number)][from..from + bytes]),
-        Place::Memory => match step.touched {
-            Some(touched) if from + bytes <= 64 => {
-                kind.value(&(if after { &touched.after } else { &touched.before })[from..from + bytes])
-            }
-            _ => Value::Bits(0),
-        },
-        Place::Flags | Place::Next => Value::Bits(0),
-    }
 }
 
 /// What a condition asks for.

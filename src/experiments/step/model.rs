@@ -17,7 +17,7 @@ use iced_x86::{Decoder, DecoderOptions};
 pub(super) use arithmetic::holds;
 pub use arithmetic::{Estimate, Number, Rounding};
 pub use check::{Check, Difference, check};
-pub(super) use check::{before, logic, result};
+pub(super) use check::{after, before, logic, result};
 use instruction::Instruction;
 
 use crate::kernels::step::Step;
