@@ -11,13 +11,24 @@ use rayo::scene::Rng;
 use serde_json::{Map, Value};
 use tempfile::TempDir;
 
-/// `rayo` in a directory, started by MPI as so many ranks; on few cores and, as in a container, as root too.
-fn mpirun(ranks: usize, directory: &Path) -> Command {
+/// `rayo` in a directory, started by MPI as so many ranks, each after a line of the shell; on few cores and, as in a container, as
+/// root too.
+fn mpirun_after(line: &str, ranks: usize, directory: &Path) -> Command {
+    let script = format!("{line} exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
     let mut command = Command::new("mpirun");
-    command.args(["--oversubscribe", "-n", &ranks.to_string(), env!("CARGO_BIN_EXE_rayo")]);
+    command.args(["--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
     command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
     command.env("NO_COLOR", "1").env_remove("RAYO_ENGINE").current_dir(directory);
     command
+}
+
+fn mpirun(ranks: usize, directory: &Path) -> Command {
+    mpirun_after("", ranks, directory)
+}
+
+/// Ranks that find different files: each is in a directory of its own, which has its number.
+fn in_places(ranks: usize, directory: &Path) -> Command {
+    mpirun_after("cd $OMPI_COMM_WORLD_RANK;", ranks, directory)
 }
 
 fn run(ranks: usize, directory: &Path, arguments: &str) -> Output {
@@ -111,16 +122,6 @@ fn an_error_is_told_once_and_nothing_is_left() {
     }
 }
 
-/// Ranks that find different files: a shell starts each in a directory of its own, which has its number.
-fn in_places(ranks: usize, directory: &Path) -> Command {
-    let script = format!("cd $OMPI_COMM_WORLD_RANK && exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
-    let mut command = Command::new("mpirun");
-    command.args(["--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
-    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1").env("NO_COLOR", "1");
-    command.current_dir(directory);
-    command
-}
-
 #[test]
 fn a_rank_without_the_scene_or_with_another_is_named() {
     let directory = tempfile::tempdir().unwrap();
@@ -164,11 +165,8 @@ fn watched(ranks: usize, arguments: &str) -> Started {
     let directory = tempfile::tempdir().unwrap();
     fs::create_dir_all(directory.path().join("out")).unwrap();
     fs::create_dir_all(directory.path().join("ids")).unwrap();
-    let script = format!("echo $$ >ids/$OMPI_COMM_WORLD_RANK; exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
-    let mut command = Command::new("mpirun");
-    command.args(["--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
-    command.args(arguments.split(' ')).current_dir(directory.path());
-    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    let mut command = mpirun_after("echo $$ >ids/$OMPI_COMM_WORLD_RANK;", ranks, directory.path());
+    command.args(arguments.split(' '));
     let mpirun = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     Started { mpirun, directory }
 }

@@ -2,8 +2,8 @@
 
 use rayo::kernels::harness::{faults, portable_packets};
 use rayo::kernels::{
-    self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, OpRef, PacketKernels, PaperSphere, PaperTriangle,
-    Surface, Vec4,
+    self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, Op, OpRef, PacketKernels, PaperSphere,
+    PaperTriangle, Plain, Surface, Vec4,
 };
 use rayo::scene::Rng;
 
@@ -231,24 +231,26 @@ fn scaled(v: Vec4, by: f32) -> Vec4 {
     Vec4::new(v.x * by, v.y * by, v.z * by)
 }
 
+/// Calls `op` checked, each argument in a place of its own, which a guard page can be next to.
+fn call_alone<A: Plain, B: Plain, O: Plain>(op: Op<A, B, O>, a: &A, b: &B) -> (O, Vec<Fault>) {
+    let (a, b, mut out) = (vec![*a], vec![*b], vec![O::ZERO]);
+    let broken = faults(|| op.call_into(&mut out[0], &a[0], &b[0]));
+    (out[0], broken)
+}
+
 /// Calls `op` checked, and gives its result: a scalar in the first lane.
 ///
 /// # Panics
 /// Where `input` is not of its kind.
 pub fn call(op: OpRef, input: &Input) -> (Vec4, Vec<Fault>) {
-    let mut vector = Vec4::default();
-    let mut scalar = 0.0;
-    let broken = faults(|| match (op, input) {
-        (OpRef::Vector(op), Input::Vectors(a, b)) => op.call_into(&mut vector, a, b),
-        (OpRef::Scale(op), Input::Scale(a, b)) => op.call_into(&mut vector, a, b),
-        (OpRef::Lambert(op), Input::Lambert(a, b)) => op.call_into(&mut vector, a, b),
-        (OpRef::Scalar(op), Input::Vectors(a, b)) => op.call_into(&mut scalar, a, b),
-        (OpRef::Sphere(op), Input::Sphere(a, b)) => op.call_into(&mut scalar, a, b),
-        (OpRef::Triangle(op), Input::Triangle(a, b)) => op.call_into(&mut scalar, a, b),
+    let scalar = |(x, broken)| (Vec4 { x, ..Vec4::default() }, broken);
+    match (op, input) {
+        (OpRef::Vector(op), Input::Vectors(a, b)) => call_alone(op, a, b),
+        (OpRef::Scale(op), Input::Scale(a, b)) => call_alone(op, a, b),
+        (OpRef::Lambert(op), Input::Lambert(a, b)) => call_alone(op, a, b),
+        (OpRef::Scalar(op), Input::Vectors(a, b)) => scalar(call_alone(op, a, b)),
+        (OpRef::Sphere(op), Input::Sphere(a, b)) => scalar(call_alone(op, a, b)),
+        (OpRef::Triangle(op), Input::Triangle(a, b)) => scalar(call_alone(op, a, b)),
         _ => panic!("{input:?} is not what the operation takes"),
-    });
-    match op {
-        OpRef::Scalar(_) | OpRef::Sphere(_) | OpRef::Triangle(_) => (Vec4 { x: scalar, ..Vec4::default() }, broken),
-        _ => (vector, broken),
     }
 }

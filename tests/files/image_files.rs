@@ -227,29 +227,18 @@ fn bytes_of_tiny(format: Format) -> Vec<u8> {
 }
 
 #[test]
-fn a_p6_file_has_these_bytes() {
-    let expected = b"P6\n2 2\n255\n\xff\x00\x09\x0a\x63\x64\x00\x00\x00\x01\x02\x03";
-    assert_eq!(bytes_of_tiny(Format::Ppm), expected);
-}
-
-#[test]
-fn a_p3_file_has_these_characters() {
-    let expected = "P3\n2 2\n255\n255 0 9\n10 99 100\n0 0 0\n1 2 3\n";
-    assert_eq!(String::from_utf8(bytes_of_tiny(Format::PpmText)).unwrap(), expected);
-}
-
-#[test]
-fn a_pfm_file_has_its_rows_from_the_bottom_in_little_endian() {
+fn plain_files_have_these_bytes() {
+    assert_eq!(bytes_of_tiny(Format::Ppm), b"P6\n2 2\n255\n\xff\x00\x09\x0a\x63\x64\x00\x00\x00\x01\x02\x03");
+    assert_eq!(bytes_of_tiny(Format::PpmText), b"P3\n2 2\n255\n255 0 9\n10 99 100\n0 0 0\n1 2 3\n");
+    // PFM has its rows from the bottom, in little endian.
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("tiny.pfm");
     let mut writer = ImageWriter::create(&path, Format::Pfm, 1, 2).unwrap();
     writer.write_f32x3(&[[1.0, -2.0, 0.5]]).unwrap();
     writer.write_f32x3(&[[f32::INFINITY, 0.0, -0.0]]).unwrap();
     writer.finish().unwrap();
-    let mut expected = b"PF\n1 2\n-1.0\n".to_vec();
-    expected.extend(b"\x00\x00\x80\x7f\x00\x00\x00\x00\x00\x00\x00\x80");
-    expected.extend(b"\x00\x00\x80\x3f\x00\x00\x00\xc0\x00\x00\x00\x3f");
-    assert_eq!(fs::read(&path).unwrap(), expected);
+    let rows = b"\x00\x00\x80\x7f\x00\x00\x00\x00\x00\x00\x00\x80\x00\x00\x80\x3f\x00\x00\x00\xc0\x00\x00\x00\x3f";
+    assert_eq!(fs::read(&path).unwrap(), [&b"PF\n1 2\n-1.0\n"[..], rows].concat());
 }
 
 /// The chunks of a PNG: their names and contents.

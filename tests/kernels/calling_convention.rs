@@ -5,12 +5,14 @@
 // Two of the deliberately broken kernels touch memory that is not theirs, in a process of their own.
 #![allow(unsafe_code)]
 
+use std::fmt::Debug;
+use std::ops::Range;
+
 use crate::fences::{self, Side};
-use crate::kernel_cases::{self, Input, Numbers, implementations, packet_kernels, seed};
+use crate::kernel_cases::{self, Input, implementations, packet_kernels, seed};
 use rayo::kernels::harness::{self, BROKEN, broken_read, broken_write, faults, without_denormals};
 use rayo::kernels::{
-    Candidate, Fault, Frame, Hits, Light, Objects, Op, OpRef, PaperSphere, PaperTriangle, Plain, Surface, Vec4,
-    hits_of_c, hits_of_paper,
+    Candidate, Fault, Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::scene::Rng;
 
@@ -18,15 +20,6 @@ use rayo::scene::Rng;
 pub(crate) fn survives(call: impl FnOnce()) -> std::io::Result<bool> {
     // SAFETY: kernels only compute.
     unsafe { harness::survives(call) }
-}
-
-/// Inputs that take each way through an operation: intersections hit and miss, from outside and inside.
-fn inputs(op: OpRef, rng: &mut Rng) -> Vec<Input> {
-    let mut inputs: Vec<_> = (0..32).map(|_| Input::aimed(op, rng)).collect();
-    for numbers in Numbers::ALL {
-        inputs.extend((0..8).map(|_| Input::random(op, numbers, true, rng)));
-    }
-    inputs
 }
 
 /// Lists of different lengths, none among them.
@@ -47,63 +40,44 @@ fn frame(width: u64, height: u32) -> Frame {
     Frame { step, half_width: 1.0, half_height: step * height as f32 / 2.0, focal: 1.0, width, ..Frame::ZERO }
 }
 
-#[test]
-fn every_operation_keeps_the_calling_convention() {
-    let mut rng = Rng::new(seed());
-    for (implementation, kernels) in implementations() {
-        for (name, op) in kernels.ops() {
-            for input in inputs(op, &mut rng) {
-                assert_eq!(kernel_cases::call(op, &input).1, [], "{implementation} {name} for {input:?}");
-            }
+/// Calls a tracer of scenes with all of its memory flush with guard pages: in a process that may die of it, checked, and once more.
+fn trace_fenced<P: Plain + Debug + PartialEq>(
+    what: &str,
+    canary: P,
+    trace: impl Fn(&Frame, Objects<'_>, Range<u32>, &mut [P]),
+) {
+    for (side, (lights, spheres, triangles)) in
+        Side::ALL.into_iter().flat_map(|side| scenes().into_iter().map(move |s| (side, s)))
+    {
+        let lights = fences::copy(&lights, side);
+        let spheres = fences::copy(&spheres, side);
+        let triangles = fences::copy(&triangles, side);
+        let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
+        for (width, rows) in [(1, 0..1), (3, 1..3), (16, 0..2), (33, 2..5), (64, 0..2)] {
+            let frame = fences::copy(&[frame(width, rows.end)], side);
+            let mut film = fences::copy(&vec![canary; width as usize * rows.len()], side);
+            let what = format!("{what}, {width} wide, rows {rows:?}, the guard page {side:?}, {objects:?}");
+            let mut fenced = || trace(&frame[0], objects, rows.clone(), &mut film);
+            assert!(survives(&mut fenced).unwrap(), "touches the guard page: {what}");
+            let mut checked = vec![canary; width as usize * rows.len()];
+            assert_eq!(faults(|| trace(&frame[0], objects, rows.clone(), &mut checked)), [], "{what}");
+            fenced();
+            // What was not written is NaN, which equals nothing.
+            assert_eq!(film[..], checked[..], "{what}");
         }
     }
 }
 
 #[test]
-fn every_tracer_keeps_the_calling_convention() {
-    for (implementation, kernels) in implementations() {
-        for (lights, spheres, triangles) in scenes() {
-            let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
-            for (width, height) in [(1, 1), (2, 3), (17, 5), (64, 2)] {
-                let mut film = vec![Vec4::from([f32::NAN; 4]); width as usize * height as usize];
-                let broken = faults(|| kernels.trace.call(&frame(width, height), objects, 0..height, &mut film));
-                assert_eq!(broken, [], "{implementation} at {width}x{height}, {objects:?}");
-                let mut unchecked = film.clone();
-                kernels.trace.call(&frame(width, height), objects, 0..height, &mut unchecked);
-                assert_eq!(film, unchecked, "{implementation}: a checked call computes what any call does");
-            }
-        }
+fn tracers_and_what_they_hit_keep_to_the_calling_convention_and_to_their_memory() {
+    let nan = Vec4::from([f32::NAN; 4]);
+    for hits in [hits_of_c(), hits_of_paper()].into_iter().flatten() {
+        trace_fenced("hits", Surface { point: nan, ..Surface::ZERO }, |frame, of, rows, out| {
+            hits.call(frame, of, rows, out);
+        });
     }
-}
-
-/// What the two tracers of the paper hit.
-fn hits() -> Vec<Hits> {
-    [hits_of_c(), hits_of_paper()].into_iter().flatten().collect()
-}
-
-#[test]
-fn what_a_tracer_hits_is_asked_within_the_calling_convention_and_within_its_memory() {
-    let canary = Surface { point: [f32::NAN; 4].into(), ..Surface::ZERO };
-    for hits in hits() {
-        for (side, (lights, spheres, triangles)) in
-            Side::ALL.into_iter().flat_map(|side| scenes().into_iter().map(move |s| (side, s)))
-        {
-            let lights = fences::copy(&lights, side);
-            let spheres = fences::copy(&spheres, side);
-            let triangles = fences::copy(&triangles, side);
-            let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
-            for (width, rows) in [(1, 0..1), (3, 1..3), (16, 0..2), (33, 2..5)] {
-                let frame = fences::copy(&[frame(width, rows.end)], side);
-                let mut film = fences::copy(&vec![canary; width as usize * rows.len()], side);
-                let what = format!("{width} wide, rows {rows:?}, the guard page {side:?}, {objects:?}");
-                let mut trace = || hits.call(&frame[0], objects, rows.clone(), &mut film);
-                assert!(survives(&mut trace).unwrap(), "touches the guard page: {what}");
-                let mut checked = vec![canary; width as usize * rows.len()];
-                assert_eq!(faults(|| hits.call(&frame[0], objects, rows.clone(), &mut checked)), [], "{what}");
-                trace();
-                assert_eq!(film[..], checked[..], "{what}");
-            }
-        }
+    for (name, kernels) in implementations() {
+        trace_fenced(name, nan, |frame, of, rows, out| kernels.trace.call(frame, of, rows, out));
     }
 }
 
@@ -143,65 +117,17 @@ fn without_denormals_a_kernel_sees_none_and_rust_does() {
     }
 }
 
-/// Calls `op` with all of its memory flush with guard pages on `side`, first in a process that may die of it.
-fn fenced<A: Plain, B: Plain, O: Plain>(op: Op<A, B, O>, a: &A, b: &B, side: Side) -> Option<O> {
-    let a = fences::copy(std::slice::from_ref(a), side);
-    let b = fences::copy(std::slice::from_ref(b), side);
-    let mut out = fences::copy(&[O::ZERO], side);
-    survives(|| op.call_into(&mut out[0], &a[0], &b[0])).unwrap().then(|| {
-        op.call_into(&mut out[0], &a[0], &b[0]);
-        out[0]
-    })
-}
-
 #[test]
 fn no_operation_touches_memory_beside_its_arguments() {
     let mut rng = Rng::new(seed());
-    let scalar = |x: f32| Vec4 { x, ..Vec4::default() };
     for (implementation, kernels) in implementations() {
         for (name, op) in kernels.ops() {
             for (side, case) in Side::ALL.into_iter().flat_map(|side| [(side, 0), (side, 1), (side, 2), (side, 3)]) {
                 let input = Input::aimed(op, &mut rng);
-                let found = match (op, &input) {
-                    (OpRef::Vector(op), Input::Vectors(a, b)) => fenced(op, a, b, side),
-                    (OpRef::Scale(op), Input::Scale(a, b)) => fenced(op, a, b, side),
-                    (OpRef::Lambert(op), Input::Lambert(a, b)) => fenced(op, a, b, side),
-                    (OpRef::Scalar(op), Input::Vectors(a, b)) => fenced(op, a, b, side).map(scalar),
-                    (OpRef::Sphere(op), Input::Sphere(a, b)) => fenced(op, a, b, side).map(scalar),
-                    (OpRef::Triangle(op), Input::Triangle(a, b)) => fenced(op, a, b, side).map(scalar),
-                    _ => unreachable!("aimed() gives what the operation takes"),
-                };
+                let fenced = || fences::within(side, || kernel_cases::call(op, &input));
                 let what = format!("{implementation} {name}, the guard page {side:?}, case {case}: {input:?}");
-                let found = found.unwrap_or_else(|| panic!("touches the guard page: {what}"));
-                assert_eq!(found, kernel_cases::call(op, &input).0, "{what}");
-            }
-        }
-    }
-}
-
-#[test]
-fn no_tracer_touches_memory_beside_its_frame_its_lists_and_its_rows() {
-    for (implementation, kernels) in implementations() {
-        for side in Side::ALL {
-            for (lights, spheres, triangles) in scenes() {
-                let lights = fences::copy(&lights, side);
-                let spheres = fences::copy(&spheres, side);
-                let triangles = fences::copy(&triangles, side);
-                let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
-                for (width, rows) in [(1, 0..1), (3, 1..3), (16, 0..2), (33, 2..5)] {
-                    let frame = fences::copy(&[frame(width, rows.end)], side);
-                    let pixels = width as usize * rows.len();
-                    let mut film = fences::copy(&vec![Vec4::from([f32::NAN; 4]); pixels], side);
-                    let mut trace = || kernels.trace.call(&frame[0], objects, rows.clone(), &mut film);
-                    let what =
-                        format!("{implementation}, {width} wide, rows {rows:?}, the guard page {side:?}, {objects:?}");
-                    assert!(survives(&mut trace).unwrap(), "touches the guard page: {what}");
-                    trace();
-                    assert!(
-                        film.iter().all(|pixel| !pixel.x.is_nan() && pixel.w == 0.0),
-                        "a pixel is left out: {what}"
-                    );
-                }
+                assert!(survives(|| _ = fenced()).unwrap(), "touches the guard page: {what}");
+                assert_eq!(fenced(), kernel_cases::call(op, &input), "{what}");
             }
         }
     }

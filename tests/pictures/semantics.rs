@@ -332,6 +332,17 @@ fn the_order_of_the_vertices_does_not_matter() {
     }
 }
 
+/// That no contender sees a triangle.
+fn is_never_hit(vertices: [Vec3; 3]) {
+    let mut scene = empty(grid(2.0));
+    scene.lights = vec![light(Vec3::ZERO), light(vec3(5.0, 5.0, -5.0))];
+    scene.triangles = vec![triangle(RED, vertices)];
+    for contender in contenders() {
+        let seen = seen(&contender, &scene);
+        assert!(!seen.contains(&'r'), "{contender}: {vertices:?}: {}", String::from_iter(seen));
+    }
+}
+
 #[test]
 fn a_triangle_of_no_area_is_never_hit() {
     // Right on the rays of the grid at twice its focal distance.
@@ -346,15 +357,7 @@ fn a_triangle_of_no_area_is_never_hit() {
     // Not exactly in a line before the numbers were rounded, but after it.
     flat.extend(orders([tenths, tenths * 2.0, tenths * 4.0]));
     flat.extend(orders([tenths, vec3(0.35, 0.55, 3.55), tenths]));
-    for vertices in flat {
-        let mut scene = empty(grid(2.0));
-        scene.lights = vec![light(Vec3::ZERO)];
-        scene.triangles = vec![triangle(RED, vertices)];
-        for contender in contenders() {
-            let seen = seen(&contender, &scene);
-            assert!(!seen.contains(&'r'), "{contender}: {vertices:?}: {}", String::from_iter(seen));
-        }
-    }
+    flat.into_iter().for_each(is_never_hit);
 }
 
 #[test]
@@ -362,38 +365,18 @@ fn a_triangle_whose_plane_passes_through_the_camera_is_never_hit() {
     let (v, w) = (vec3(3.0, 1.0, 2.0), vec3(-2.0, 3.0, 1.0));
     // Around the camera, with the camera on an edge, at a vertex, and ahead of it.
     for vertices in [[v, w, -v - w], [v, w, -v], [v, w, Vec3::ZERO], [v, w, v + w], [v, w, 4.0 * v]] {
-        for vertices in orders(vertices) {
-            let mut scene = empty(grid(2.0));
-            scene.lights = vec![light(vec3(5.0, 5.0, -5.0))];
-            scene.triangles = vec![triangle(RED, vertices)];
-            for contender in contenders() {
-                let seen = seen(&contender, &scene);
-                assert!(!seen.contains(&'r'), "{contender}: {vertices:?}: {}", String::from_iter(seen));
-            }
-        }
+        orders(vertices).into_iter().for_each(is_never_hit);
     }
 }
 
 #[test]
 fn a_plane_through_the_camera_is_not_hit_where_its_numbers_take_all_of_f32() {
     let mut rng = Rng::new(13);
-    for case in 0..200 {
+    for _ in 0..200 {
         let mut point = || vec3(rng.between(-4.0, 4.0), rng.between(-4.0, 4.0), rng.between(-1.0, 4.0));
         let (v, w) = (point(), point());
         // -v and 2 v are exact, so that the plane passes through the camera exactly; v . n in f32 is 0 but for rounding.
-        for vertices in [[v, w, -v], [v, w, 2.0 * v], [v, w, Vec3::ZERO]] {
-            let mut scene = empty(grid(2.0));
-            scene.lights = vec![light(vec3(5.0, 5.0, -5.0))];
-            scene.triangles = vec![triangle(RED, vertices)];
-            for contender in contenders() {
-                let seen = seen(&contender, &scene);
-                assert!(
-                    !seen.contains(&'r'),
-                    "seed 13, case {case}: {contender}: {vertices:?}: {}",
-                    String::from_iter(seen)
-                );
-            }
-        }
+        [[v, w, -v], [v, w, 2.0 * v], [v, w, Vec3::ZERO]].into_iter().for_each(is_never_hit);
     }
 }
 
