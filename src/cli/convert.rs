@@ -11,7 +11,7 @@ use super::view::{open, tell};
 use super::{Failure, colour_on_stderr, keep_apart, remove_part_files_on_signals, say};
 use crate::render::{Existing, OutputError, OutputFile};
 use crate::scene::{
-    Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting, is_unseen, shown,
+    Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting, picture_name, shown,
 };
 
 /// Convert scenes and meshes: .in, .toml, .obj, .ply, .stl
@@ -151,12 +151,6 @@ pub(super) fn write(path: &Path, content: impl FnOnce(&mut OutputFile) -> io::Re
     let mut file = OutputFile::create(path, Existing::Replace).map_err(Failure::output)?;
     content(&mut file).map_err(|error| Failure::output(OutputError::Write { path: path.into(), error }))?;
     file.finish().map_err(Failure::output)
-}
-
-/// What a picture of the scene in a file is called.
-pub(super) fn picture_name(path: &Path) -> String {
-    // No picture is written under a name with unseen characters.
-    format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy()).replace(is_unseen, "_")
 }
 
 /// How a scene at `scene` names a mesh file: from its own folder on, with slashes.

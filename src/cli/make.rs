@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 use glam::Vec3;
 use serde::Serialize;
 
-use super::convert::{format, picture_name, write, write_scene};
+use super::convert::{format, write, write_scene};
 use super::{Failure, print_result, say};
 use crate::scene::mesh::shapes::{self, MOST_TRIANGLES};
-use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting, shown};
+use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting, picture_name, shown};
 
 /// Make a mesh of about so many triangles
 ///

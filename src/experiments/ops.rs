@@ -230,19 +230,11 @@ pub struct Kernel {
     pub listing: Vec<Line>,
 }
 
-/// Why a kernel cannot be listed.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no kernel `{symbol}`; {near}: `rayo ops --kernels` lists all")]
-pub struct UnknownKernel {
-    symbol: String,
-    near: String,
-}
-
 /// The kernel of a symbol; of C and of tests too, which the objects have beside the engines' kernels.
 ///
 /// # Errors
 /// What is no symbol, with the symbols that are nearest to it.
-pub fn kernel(symbol: &str) -> Result<Kernel, UnknownKernel> {
+pub fn kernel(symbol: &str) -> Result<Kernel, String> {
     let functions = functions();
     match functions.iter().find(|function| function.symbol == symbol) {
         Some(function) => {
@@ -254,7 +246,8 @@ pub fn kernel(symbol: &str) -> Result<Kernel, UnknownKernel> {
             let mut near: Vec<_> = functions.iter().map(|function| function.symbol.as_str()).collect();
             near.sort_by_cached_key(|known| strsim::damerau_levenshtein(known, symbol));
             near.truncate(3);
-            Err(UnknownKernel { symbol: symbol.into(), near: format!("the nearest are {}", near.join(", ")) })
+            let near = near.join(", ");
+            Err(format!("there is no kernel `{symbol}`; the nearest are {near}: `rayo ops --kernels` lists all"))
         }
     }
 }
@@ -273,11 +266,6 @@ pub struct FrameRow {
     pub per_ray: f64,
 }
 
-/// An operation that does not exist.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no operation `{0}`; there are: {list}; and {LIT}, the rows of a sphere", list = OPS.join(", "))]
-pub struct UnknownOp(pub String);
-
 /// Is told how much is done, of how much.
 pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 
@@ -285,10 +273,11 @@ pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 const FRAME_WORK: usize = 25;
 
 /// Counts, and measures where that is asked for, with the calling thread on one core.
-pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, UnknownOp> {
+pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, String> {
     let every = || OPS.into_iter().chain([LIT]);
     if let Some(op) = options.wanted.iter().find(|wanted| every().all(|op| op != *wanted)) {
-        return Err(UnknownOp(op.clone()));
+        let list = OPS.join(", ");
+        return Err(format!("there is no operation `{op}`; there are: {list}; and {LIT}, the rows of a sphere"));
     }
     let mut executed_unavailable = None;
     let mut step = options.executed;
@@ -397,7 +386,7 @@ fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
 fn symbol(op: &str, implementation: &str) -> String {
     match implementation.strip_prefix("c-") {
         Some(level) => format!("rayo_c_{level}_{op}"),
-        None if lanes(implementation).is_some() => format!("rayo_{implementation}_single_{op}3"),
+        None if isa(implementation).is_some() => format!("rayo_{implementation}_single_{op}3"),
         None => format!("rayo_{implementation}_{op}"),
     }
 }
@@ -405,11 +394,6 @@ fn symbol(op: &str, implementation: &str) -> String {
 /// The ISA of an implementation on packets.
 fn isa(implementation: &str) -> Option<Isa> {
     Isa::ALL.into_iter().find(|isa| isa.name() == implementation)
-}
-
-/// Vectors in a packet of an ISA.
-fn lanes(implementation: &str) -> Option<usize> {
-    isa(implementation).map(Isa::lanes)
 }
 
 /// The code of an operation: out of the objects, or for Rust out of this process.
@@ -431,7 +415,7 @@ impl Counts {
         self.function_mix = Some(code.function());
         self.body = self.body_mix.as_ref().map(|mix| mix.instructions);
         self.function = self.function_mix.as_ref().map(|mix| mix.instructions);
-        self.vectors = lanes(&self.implementation);
+        self.vectors = isa(&self.implementation).map(Isa::lanes);
         self.critical_path = critical_path(&self.op, &self.implementation);
         self.listing = listing(code);
     }

@@ -437,7 +437,7 @@ mod tests {
         assert_eq!(rows[0], ("c".into(), 99_645, vec![6000.0, 6001.0, 6002.0], 6001.0));
         assert_eq!(rows[1], ("paper".into(), 99_645, vec![1000.0, 1001.0, 1002.0], 1001.0));
         assert_eq!((&*rows[2].0, rows[2].1, rows[2].3), ("c", 199_692, 6001.0));
-        assert_eq!(measured.rows[1].ratio_to_c, 6001.0 / 1001.0);
+        assert_eq!((measured.rows[1].cycles_min, measured.rows[1].ratio_to_c), (1000.0, 6001.0 / 1001.0));
         assert_eq!((measured.rows[0].ratio_low, measured.rows[0].ratio_high), (1.0, 1.0));
         assert_eq!(measured.control[0].ratio, 1001.0 / 1101.0);
         assert_eq!(measured.noise_floor, 1.0 - 1001.0 / 1101.0);

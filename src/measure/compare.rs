@@ -99,10 +99,7 @@ pub struct Comparison {
 /// # Panics
 /// If a picture does not have the number of pixels that it claims.
 pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
-    match pair(a, b)? {
-        Pair::Rgb8(p, q) => Ok(tally(a, p.iter().zip(q).map(|(p, q)| level_differences(p, q)))),
-        Pair::Rgb32F(p, q) => Ok(tally(a, p.iter().zip(q).map(|(p, q)| linear_differences(p, q)))),
-    }
+    Ok(tally(a, differences(a, b)?))
 }
 
 /// Shows where two pictures differ, however little: an 8-bit picture of |a - b| per channel, from [`LEAST_SHADE`] for
@@ -115,39 +112,28 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
 /// # Panics
 /// If a picture does not have the number of pixels that it claims.
 pub fn difference_image(a: &Picture, b: &Picture) -> Result<Picture, CompareError> {
-    let pixels = match pair(a, b)? {
-        Pair::Rgb8(p, q) => shades(|| p.iter().zip(q).map(|(p, q)| level_differences(p, q))),
-        Pair::Rgb32F(p, q) => shades(|| p.iter().zip(q).map(|(p, q)| linear_differences(p, q))),
-    };
-    Ok(Picture::new(a.width, a.height, Pixels::Rgb8(pixels)))
-}
-
-/// The differences relative to the largest, in two passes.
-fn shades<I: Iterator<Item = [f64; 3]>>(differences: impl Fn() -> I) -> Vec<[u8; 3]> {
-    let largest = differences().flatten().filter(|d| d.is_finite()).fold(0.0, f64::max);
+    let largest = differences(a, b)?.flatten().filter(|d| d.is_finite()).fold(0.0, f64::max);
     let shade = |d: f64| match d {
         0.0 => 0,
         // A cast from float to integer saturates, so an infinite difference is white.
         _ => (LEAST_SHADE + (255.0 - LEAST_SHADE) * (d / largest)).round() as u8,
     };
-    differences().map(|pixel| pixel.map(shade)).collect()
+    let pixels = differences(a, b)?.map(|pixel| pixel.map(shade)).collect();
+    Ok(Picture::new(a.width, a.height, Pixels::Rgb8(pixels)))
 }
 
-/// Two lists of pixels of one kind and length.
-enum Pair<'a> {
-    Rgb8(&'a [[u8; 3]], &'a [[u8; 3]]),
-    Rgb32F(&'a [[f32; 3]], &'a [[f32; 3]]),
-}
+/// The differences of each pixel.
+type Differences<'a> = Box<dyn Iterator<Item = [f64; 3]> + 'a>;
 
-fn pair<'a>(a: &'a Picture, b: &'a Picture) -> Result<Pair<'a>, CompareError> {
+fn differences<'a>(a: &'a Picture, b: &'a Picture) -> Result<Differences<'a>, CompareError> {
     a.check();
     b.check();
     if (a.width, a.height) != (b.width, b.height) {
         return Err(CompareError::Sizes((a.width, a.height), (b.width, b.height)));
     }
     match (&a.pixels, &b.pixels) {
-        (Pixels::Rgb8(p), Pixels::Rgb8(q)) => Ok(Pair::Rgb8(p, q)),
-        (Pixels::Rgb32F(p), Pixels::Rgb32F(q)) => Ok(Pair::Rgb32F(p, q)),
+        (Pixels::Rgb8(p), Pixels::Rgb8(q)) => Ok(Box::new(p.iter().zip(q).map(|(p, q)| level_differences(p, q)))),
+        (Pixels::Rgb32F(p), Pixels::Rgb32F(q)) => Ok(Box::new(p.iter().zip(q).map(|(p, q)| linear_differences(p, q)))),
         (p, q) => Err(CompareError::Kinds(Unit::of(p), Unit::of(q))),
     }
 }

@@ -31,6 +31,8 @@ pub use diagnostic::{Diagnostic, SceneError};
 #[cfg(feature = "files")]
 pub(crate) use diagnostic::{printable, shown};
 pub use mesh::{Mesh, MeshError, MeshFormat};
+#[cfg(feature = "render")]
+pub(crate) use open::picture_name;
 #[cfg(feature = "lab")]
 pub(crate) use open::text_within;
 #[cfg(feature = "files")]

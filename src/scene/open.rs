@@ -178,13 +178,18 @@ pub fn read(path: &Path) -> Result<Scene, SceneError> {
     Ok(open(path, &Camera::default())?.scene)
 }
 
+/// What a picture of the mesh in a file is called.
+pub(crate) fn picture_name(path: &Path) -> String {
+    // No picture is written under a name with unseen characters.
+    format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy()).replace(is_unseen, "_")
+}
+
 fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened, SceneError> {
     let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
-    let name = Path::new(path.file_stem().unwrap_or_default()).with_extension("png");
-    let name = name.to_string_lossy().replace(is_unseen, "_");
     let mut notes = told(path, &mesh);
     let setting = Setting::of(&mesh, format, camera);
-    let scene = setting.and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, name, *camera)?)));
+    let scene = setting
+        .and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, picture_name(path), *camera)?)));
     let (above, scene) = scene.ok_or_else(|| {
         let fault = MeshError::new("the mesh is too large or too far away to be seen whole");
         SceneError::Mesh(fault.expected("ordinary coordinates, and no extreme film or focal distance").of(path))

@@ -534,23 +534,8 @@ fn the_name_in_the_scene_replaces_nothing_without_force() {
 }
 
 #[test]
-fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
+fn an_extension_that_is_unknown_is_refused() {
     let place = Place::new();
-    for (name, start) in [
-        ("a.png", &b"\x89PNG"[..]),
-        ("a", b"\x89PNG"),
-        ("a.PPM", b"P6"),
-        ("a.pgm", b"P3"),
-        ("a.pfm", b"PF"),
-        ("a.exr", b"v/1\x01"),
-        ("a.hdr", b"#?RADIANCE"),
-        ("a.tif", b"II*\0"),
-        ("a.qoi", b"qoif"),
-    ] {
-        assert_eq!(place.run(&format!("render scene.in -o {name}")).status, 0);
-        assert!(fs::read(place.path(name)).unwrap().starts_with(start), "{name}");
-    }
-    let before = place.files();
     let refused = place.run("render scene.in -o a.jpg");
     assert_eq!((refused.status, refused.stdout.as_str()), (2, ""));
     assert!(
@@ -560,7 +545,7 @@ fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
     );
     place.write("scene.in", &SCENE.replace(".png", ".gif"));
     assert_eq!(place.run("render scene.in").status, 2);
-    assert_eq!(place.files(), before);
+    assert_eq!(place.files(), ["scene.in"]);
 }
 
 #[test]

@@ -81,29 +81,6 @@ fn the_schema_refuses_a_document_that_breaks_it() {
     }
 }
 
-#[test]
-fn the_ratios_are_those_of_the_samples_and_the_shares_make_one() {
-    let (_, document) = whole();
-    for row in document["rows"].as_array().unwrap() {
-        let samples = |row: &Value| row["samples"][0].as_f64().unwrap();
-        let same_size = |other: &&Value| other["engine"] == "c" && other["pixels"] == row["pixels"];
-        let c = document["rows"].as_array().unwrap().iter().find(same_size).unwrap();
-        // One run: mean, median and minimum are it.
-        for field in ["cycles_mean", "cycles_median", "cycles_min"] {
-            assert_eq!(row[field].as_f64().unwrap(), samples(row));
-        }
-        let ratio = row["ratio_to_c"].as_f64().unwrap();
-        assert!((ratio - samples(c) / samples(row)).abs() <= 1e-12 * ratio);
-    }
-    for explanation in document["explanations"].as_array().unwrap() {
-        let shares = explanation["shares"].as_array().unwrap();
-        let sum: f64 = shares.iter().map(|share| share["share"].as_f64().unwrap()).sum();
-        let product: f64 = shares.iter().map(|share| share["factor"].as_f64().unwrap()).product();
-        let factor = explanation["factor"].as_f64().unwrap();
-        assert!((sum - 1.0).abs() < 1e-9 && (product / factor - 1.0).abs() < 1e-9, "{explanation}");
-    }
-}
-
 /// A process that keeps a core busy until it is dropped.
 #[cfg(target_os = "linux")]
 struct Burner(std::process::Child);

@@ -290,18 +290,6 @@ fn lit_scenes() -> Vec<(String, Scene)> {
     scenes
 }
 
-/// They have the same operations in the same order: only the width differs, or who wrote them, a compiler or we.
-#[cfg(rayo_asm)]
-#[test]
-fn packets_that_round_alike_make_the_same_floats_to_the_last_bit() {
-    for [one, other] in crate::contenders::twins() {
-        for (name, scene) in extent::sampled(lit_scenes(), 2) {
-            let bits = |pixels: Vec<[f32; 4]>| pixels.into_iter().map(|pixel| pixel.map(f32::to_bits));
-            assert!(bits(one.floats(&scene)).eq(bits(other.floats(&scene))), "{one} and {other}, {name}");
-        }
-    }
-}
-
 /// What an estimate may move a cosine by, see SPHERE_LIT. Outlines do not depend on any: a pixel of another object, or
 /// of none, would be further off.
 #[cfg(rayo_asm)]

@@ -101,13 +101,15 @@ fn the_worst_scenes_that_were_found_are_right() {
 #[test]
 fn a_scene_with_a_number_that_is_none_is_an_error_for_every_engine() {
     let family = family("N1").unwrap();
+    let fields = ["radius", "centre", "colour", "vertices", "colour", "position", "colour", "intensity"];
     for index in 0..family.cases() {
         let case = family.case(index, SEED, SIDE);
         for Contender { engine, precision, .. } in contenders() {
             let Err(error) = engine.prepare(Some(precision), &case.scene) else {
                 panic!("{engine} in {precision}: {} {}", case.level, case.variant);
             };
-            let text = error.to_string().to_lowercase();
+            let (text, field) = (error.to_string().to_lowercase(), fields[case.level.value as usize]);
+            assert!(text.contains(&format!("'s {field} must be finite")), "{text}");
             assert!(text.contains("nan") || text.contains("inf"), "{text}");
         }
     }

@@ -5,15 +5,11 @@ use std::collections::BTreeMap;
 use plotters::prelude::*;
 
 use super::Timed;
-use crate::experiments::svg::{
-    BLUE, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, SMALL, VERMILION, down, draw, head, mark, text_width,
-    write,
-};
+use crate::experiments::svg::{COLOURS, GREY, Mark, PlotError, SMALL, down, draw, head, mark, text_width, write};
 
 const WIDTH: i32 = 960;
 const LINE: i32 = 26;
-/// Scenes have these in turn; further scenes have them again with another mark.
-const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+/// Scenes have the colours in turn; further scenes have them again with another mark.
 const MARKS: [Mark; 3] = [Mark::Dot, Mark::Triangle, Mark::Square];
 /// The values at the axis, as far as it reaches.
 const TICKS: [f64; 11] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0];

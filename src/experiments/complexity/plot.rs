@@ -1,19 +1,13 @@
 //! The figure: cycles per pixel against pixels, objects and lights, a panel each, on logarithmic axes.
 
-use plotters::prelude::*;
-
 use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
 use crate::experiments::svg::{
-    Area, BLUE, Entry, GREEN, LogChart, Mark, ORANGE, PURPLE, PlotError, SKY, Screen, Series, VERMILION, around,
-    colour_of, draw, head,
+    Area, COLOURS, Entry, LogChart, Mark, PlotError, Screen, Series, around, colour_of, draw, head,
 };
 use crate::render::PixelFormat;
 
 const PANEL: (i32, i32) = (400, 460);
-
-/// The colours of lines that are not engines.
-const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
 /// Draws the panels side by side, or below one another.
 pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {

@@ -66,23 +66,15 @@ pub fn in_units(format: Number, found: f64, exact: &Exact, other: &Exact) -> f64
     (&error / &Exact::new(unit(format, found.abs().max(exact.to_f64().abs())))).to_f64()
 }
 
-/// The last place of numbers as large as `x`, in f64, which has that of all f32 and of its own.
+/// The last place of numbers as large as `x`, which is not negative, in f64: it has that of all f32 and of its own.
 fn unit(format: Number, x: f64) -> f64 {
-    // The digits behind the first, and the exponent of the least number.
-    let (digits, least) = match format {
-        Number::Single => (23, -149),
-        _ => (52, -1074),
-    };
-    let exponent = if x.is_finite() { split(x).1 } else { f64::MAX_EXP - 1 };
-    power_of_two((exponent - digits).max(least))
-}
-
-/// Two to that power, which may be as low as that of the least f64.
-fn power_of_two(exponent: i32) -> f64 {
-    f64::from_bits(match exponent {
-        ..-1022 => 1 << (exponent + 1074),
-        _ => ((exponent + 1023) as u64) << 52,
-    })
+    let x = x.min(f64::MAX.next_down());
+    let place = x.next_up() - x;
+    match format {
+        // 29 digits fewer, and never below the least f32.
+        Number::Single => (place * 2_f64.powi(29)).max(f32::from_bits(1).into()),
+        _ => place,
+    }
 }
 
 /// x = m 2^e with 1 <= |m| < 2; of 0 the exponent is the least of all.
