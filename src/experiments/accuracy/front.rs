@@ -28,6 +28,7 @@ pub fn front(points: &[Point]) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Rng;
 
     fn points(pairs: &[(f64, f64)]) -> Vec<Point> {
         pairs.iter().map(|(error, time)| Point { error: *error, time: *time }).collect()
@@ -53,11 +54,8 @@ mod tests {
 
     #[test]
     fn every_point_off_the_front_is_beaten_by_one_on_it() {
-        let mut state = 1_u64;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            (state >> 60) as f64
-        };
+        let mut rng = Rng::new(1);
+        let mut next = || (rng.next_u64() >> 60) as f64;
         for _ in 0..200 {
             let points: Vec<_> = (0..9).map(|_| Point { error: next(), time: next() }).collect();
             let on = front(&points);
