@@ -3,6 +3,7 @@
 //! What is promised, and so what a failure is:
 //! - Outside of the margin of the engine's precision no hit where there is none, none where there is one, and no other
 //!   object than the nearest; the first in order of those that tie exactly.
+//! - Outside of the margin of f64, in which points are found, no light that is hidden, and none hidden that is not.
 //! - Of bytes, no level off by two in `single` and `fast`, none by one in `double`. There the truth may lie at a level's edge:
 //!   what is within `EDGE` of it is either level.
 //! - Floats within 1e-4 (`single`), 1e-3 (`fast`) or 1.5e-7 (`double`) of 1 or of what all lights together could add, whichever
@@ -131,6 +132,9 @@ impl Judge<'_> {
             return Allowed::ANY;
         }
         let Some(hit) = &pixel.hit else { return Allowed::BLACK };
+        if hit.shadow < margin_of(Precision::Double) {
+            return Allowed::ANY;
+        }
         let (floats, coarse) = match precision {
             Precision::Single => (1e-4, 1e-4),
             Precision::Fast => (1e-3, 1e-3),
