@@ -403,11 +403,11 @@ fn directories_in_the_scenes_name_are_dropped_with_a_warning() {
 }
 
 #[test]
-fn a_name_in_the_scene_that_is_no_file_is_refused() {
-    for name in ["..", ".", "a/", "/", "-", "ppm:-", "a/-"] {
+fn a_name_in_the_scene_that_is_no_file_or_a_hidden_one_is_refused() {
+    for name in ["..", ".", "a/", "/", "-", "ppm:-", "a/-", ".profile", "a/.bashrc.png"] {
         let place = Place::new();
         place.write("scene.in", &SCENE.replace("picture.png", name));
-        let message = format!("error: the scene's image name `{name}` names no file: name one with -o");
+        let message = format!("error: the scene's image name `{name}` names no plain file: name one with -o");
         place.refuses("render scene.in", 2, &message);
         assert_eq!(place.run("render scene.in -o x.png").status, 0);
     }
