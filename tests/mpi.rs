@@ -125,31 +125,33 @@ fn an_error_is_told_once_and_nothing_is_left() {
 #[test]
 fn a_rank_without_the_scene_or_with_another_is_named() {
     let directory = tempfile::tempdir().unwrap();
-    for place in ["0", "1", "2"] {
-        fs::create_dir(directory.path().join(place)).unwrap();
+    let path = |rank: usize, name: &str| directory.path().join(rank.to_string()).join(name);
+    let place = |rank: usize, name: &str| fs::copy(scene(name), path(rank, "a.in")).unwrap();
+    for rank in 0..3 {
+        fs::create_dir(path(rank, "")).unwrap();
     }
-    let place = |rank: &str, name: &str| fs::copy(scene(name), directory.path().join(rank).join("a.in")).unwrap();
-    place("0", "sphere.in");
-    place("1", "sphere.in");
-    let render = || {
+    place(0, "sphere.in");
+    place(1, "sphere.in");
+    let with = |arguments: &str| {
         let mut command = in_places(3, directory.path());
-        command.args(["render", "a.in", "-o", "a.png"]);
+        command.args(arguments.split(' '));
         command
     };
-    let output = render().output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert!(
-        told(&output).contains("error: rank 2 on ") && told(&output).contains("no scene file `a.in`"),
-        "{output:?}"
-    );
-    place("2", "tetrahedron.in");
-    let output = render().output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert!(told(&output).contains("rank 2 on ") && told(&output).contains("is another scene here"), "{output:?}");
-    assert!(!directory.path().join("0/a.png").exists());
-    let output = render().arg("--broadcast").output().unwrap();
+    for (arguments, made) in [("accuracy a.in --quick", "out"), ("render a.in -o a.png", "a.png")] {
+        for (of_rank_2, words) in
+            [(None, ["error: rank 2 on ", "a.in"]), (Some("tetrahedron.in"), ["rank 2 on ", "is another scene here"])]
+        {
+            of_rank_2.map(|name| place(2, name));
+            let output = with(arguments).output().unwrap();
+            assert_eq!(output.status.code(), Some(1), "{output:?}");
+            assert!(words.iter().all(|word| told(&output).contains(word)), "{output:?}");
+            assert!(!path(0, made).exists(), "{arguments}");
+        }
+        fs::remove_file(path(2, "a.in")).unwrap();
+    }
+    let output = with("render a.in -o a.png --broadcast").output().unwrap();
     assert!(output.status.success(), "{output:?}");
-    assert!(directory.path().join("0/a.png").exists() && !directory.path().join("1/a.png").exists());
+    assert!(path(0, "a.png").exists() && !path(1, "a.png").exists());
 }
 
 /// Ranks that [`watched`] has started, and their directory.
@@ -346,24 +348,6 @@ fn ranks_that_share_what_is_measured_write_the_rows_of_one_process_in_its_order(
         assert_eq!(alone.0["complete"], true, "{command}");
         assert_eq!(alone, ranks, "{command}");
     }
-}
-
-#[test]
-fn a_rank_that_measures_another_scene_or_finds_none_is_named_and_nothing_is_measured() {
-    let directory = tempfile::tempdir().unwrap();
-    for (place, name) in [("0", "sphere.in"), ("1", "tetrahedron.in")] {
-        fs::create_dir(directory.path().join(place)).unwrap();
-        fs::copy(scene(name), directory.path().join(place).join("a.in")).unwrap();
-    }
-    let accuracy = || in_places(2, directory.path()).args(["accuracy", "a.in", "--quick"]).output().unwrap();
-    let output = accuracy();
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert!(told(&output).contains("rank 1 on ") && told(&output).contains("is another scene here"), "{output:?}");
-    fs::remove_file(directory.path().join("1/a.in")).unwrap();
-    let output = accuracy();
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert!(told(&output).contains("error: rank 1 on ") && told(&output).contains("a.in"), "{output:?}");
-    assert!(!directory.path().join("0/out").exists());
 }
 
 #[cfg(rayo_asm)]

@@ -141,6 +141,7 @@ fn every_operation_equals_its_twin_to_the_last_bit() {
                     same(found, expected),
                     "{implementation} {name}, {what}: {found:?} instead of {expected:?} for {input:?}"
                 );
+                found[0].is_finite()
             };
             for (numbers, any_w) in Numbers::ALL.iter().flat_map(|numbers| [(*numbers, false), (*numbers, true)]) {
                 for case in 0..CASES {
@@ -148,29 +149,18 @@ fn every_operation_equals_its_twin_to_the_last_bit() {
                     check(format!("case {case} of {numbers:?}"), input);
                 }
             }
-            for case in 0..4 * CASES {
-                check(format!("aimed case {case}"), Input::aimed(op, &mut rng));
-            }
-        }
-    }
-}
-
-#[test]
-fn aimed_rays_hit_and_miss_from_outside_and_from_inside() {
-    let mut rng = Rng::new(seed());
-    for (implementation, kernels) in implementations() {
-        for (name, op) in kernels.ops().filter(|(name, _)| ["sphere", "triangle"].contains(name)) {
             let (mut hits, mut inside) = (0, 0);
-            for _ in 0..CASES {
+            for case in 0..4 * CASES {
                 let input = Input::aimed(op, &mut rng);
-                hits += u32::from(call(op, &input)[0].is_finite());
+                hits += u32::from(check(format!("aimed case {case}"), input));
                 if let Input::Sphere(_, PaperSphere { centre: c, radius: r, .. }) = input {
                     inside += u32::from(c.x * c.x + c.y * c.y + c.z * c.z < r * r);
                 }
             }
-            let some = CASES / 10..CASES * 9 / 10;
-            assert!(some.contains(&hits), "{implementation} {name}: {hits} hits of {CASES}");
-            assert!(name == "triangle" || some.contains(&inside), "{implementation}: {inside} of {CASES} from inside");
+            // Rays hit and miss, from outside and from inside.
+            let some = 4 * CASES / 10..4 * CASES * 9 / 10;
+            assert!(!["sphere", "triangle"].contains(&name) || some.contains(&hits), "{implementation} {name}: {hits}");
+            assert!(name != "sphere" || some.contains(&inside), "{implementation}: {inside} from inside");
         }
     }
 }
