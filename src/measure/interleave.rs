@@ -172,79 +172,63 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// A clock that the work itself advances.
-    struct Fake<'a> {
-        now: &'a Cell<u64>,
-        core: &'a Cell<usize>,
-    }
+    /// Ticks from a script, taken by others if they are above 10, on a core that the work may change.
+    struct Fake<'a>(Vec<u64>, u64, &'a Cell<usize>);
 
     impl Clock for Fake<'_> {
         fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
-            let start = self.now.get();
             work();
-            self.now.get() - start
+            self.1 = self.0.remove(0);
+            self.1
         }
 
         fn core(&mut self) -> Option<usize> {
-            Some(self.core.get())
+            Some(self.2.get())
+        }
+
+        fn taken(&mut self) -> bool {
+            self.1 > 10
         }
     }
 
     #[test]
     fn contestants_take_turns_there_and_back_and_each_gets_its_own_ticks() {
-        let (now, core, order) = (Cell::new(1000), Cell::new(0), RefCell::new(String::new()));
-        let contestant = |name: char, ticks: u64| -> Work<'_> {
-            let (now, order) = (&now, &order);
-            Box::new(move || {
-                order.borrow_mut().push(name);
-                now.set(now.get() + ticks);
-            })
+        let (core, order) = (Cell::new(0), RefCell::new(String::new()));
+        let contestant = |name: char| -> Work<'_> {
+            let order = &order;
+            Box::new(move || order.borrow_mut().push(name))
         };
-        let mut contestants = [contestant('a', 5), contestant('b', 7), contestant('c', 11)];
-        let runs = interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 0..3, &mut || true).unwrap();
+        let mut contestants = ['a', 'b', 'c'].map(contestant);
+        let mut clock = Fake(vec![5, 7, 9, 9, 7, 5, 5, 7, 9], 0, &core);
+        let runs = interleave(&mut clock, &mut contestants, 0..3, &mut || true).unwrap();
         drop(contestants);
         assert_eq!(order.into_inner(), "abccbaabc", "odd rounds backwards");
-        for (runs, ticks) in runs.iter().zip([5.0, 7.0, 11.0]) {
+        for (runs, ticks) in runs.iter().zip([5.0, 7.0, 9.0]) {
             assert_eq!(*runs, Runs { ticks: vec![ticks; 3], migrations: 0, taken: vec![false; 3] });
         }
     }
 
     #[test]
     fn a_migration_is_counted_against_the_run_in_which_it_happened() {
-        let (now, core) = (Cell::new(0), Cell::new(3));
+        let core = Cell::new(3);
         let mut contestants: [Work<'_>; 2] = [Box::new(|| ()), Box::new(|| core.set(core.get() + 1))];
-        let runs = interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 0..4, &mut || true).unwrap();
+        let runs = interleave(&mut Fake(vec![1; 8], 0, &core), &mut contestants, 0..4, &mut || true).unwrap();
         assert_eq!((runs[0].migrations, runs[1].migrations), (0, 4));
     }
 
     #[test]
     fn runs_that_are_stopped_early_are_no_result() {
-        let (now, core, rounds) = (Cell::new(0), Cell::new(0), Cell::new(0));
+        let (core, rounds) = (Cell::new(0), Cell::new(0));
         let mut contestants: [Work<'_>; 1] = [Box::new(|| rounds.set(rounds.get() + 1))];
         let stop_after_two = &mut || rounds.get() < 2;
-        assert_eq!(interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 0..9, stop_after_two), None);
+        assert_eq!(interleave(&mut Fake(vec![1; 9], 0, &core), &mut contestants, 0..9, stop_after_two), None);
         assert_eq!(rounds.get(), 2);
     }
 
     #[test]
     fn a_run_in_which_others_had_the_core_is_made_again_and_if_it_is_no_better_kept_and_marked() {
-        /// Ticks from a script, taken if they are above 10.
-        struct Disturbed(Vec<u64>, u64);
-        impl Clock for Disturbed {
-            fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
-                work();
-                self.1 = self.0.remove(0);
-                self.1
-            }
-            fn core(&mut self) -> Option<usize> {
-                None
-            }
-            fn taken(&mut self) -> bool {
-                self.1 > 10
-            }
-        }
-        let calls = Cell::new(0);
-        let mut clock = Disturbed(vec![5, 50, 12, 7, 90, 30, 40, 60, 6], 0);
+        let (core, calls) = (Cell::new(0), Cell::new(0));
+        let mut clock = Fake(vec![5, 50, 12, 7, 90, 30, 40, 60, 6], 0, &core);
         let mut contestants: [Work<'_>; 1] = [Box::new(|| calls.set(calls.get() + 1))];
         let runs = interleave(&mut clock, &mut contestants, 0..4, &mut || true).unwrap();
         assert_eq!(
