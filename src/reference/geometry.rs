@@ -198,24 +198,28 @@ pub fn lambert_two_sided(light: DVec3, p: DVec3, n: DVec3) -> f64 {
 /// or inside, its ends excepted. What the segment touches hides.
 ///
 /// The roots of [`sphere`], asked for a light in the camera's place: how many are between 0 and 1 follows from the signs at the
-/// ends, and from where the middle of the chord is. Seen from p, a light at any distance costs no digits. p is rounded, with this
-/// `epsilon`, but the light is where it is.
+/// ends, and from where the middle of the chord is. Seen from the nearer end, the other one at any distance costs no digits. p is
+/// rounded, with this `epsilon`, but the light is where it is.
 pub fn sphere_hides(light: DVec3, p: DVec3, centre: DVec3, radius: f64, epsilon: f64) -> bool {
-    let (to_light, c) = (light - p, centre - p);
-    let (a, h) = (to_light.dot(to_light), to_light.dot(c));
-    let (of_light, of_p) = (power(centre - light, radius), power_of(p, centre, radius));
+    let (to_light, from_p, from_light) = (light - p, centre - p, centre - light);
+    let (before_p, before_light) = (to_light.dot(from_p) > 0.0, to_light.dot(from_light) < 0.0);
+    let (of_light, of_p) = (power(from_light, radius), power_of(p, centre, radius));
     // The line to a light inside meets it, whatever rounding makes of it.
-    if of_light >= 0.0 && discriminant(to_light, c, radius) < 0.0 {
+    if of_light >= 0.0 && discriminant(to_light, shorter(from_p, from_light), radius) < 0.0 {
         return false;
     }
     let rounding = 32.0 * epsilon * radius * p.abs().element_sum();
     if of_light > 0.0 {
         let p_is_inside = of_p < -rounding;
-        h < a && (h > 0.0 || p_is_inside)
+        before_light && (before_p || p_is_inside)
     } else {
         // A light on the sphere is behind it for whatever its wall is in front of.
-        of_p > rounding && (of_light < 0.0 || h < a)
+        of_p > rounding && (of_light < 0.0 || before_light)
     }
+}
+
+fn shorter(a: DVec3, b: DVec3) -> DVec3 {
+    if b.length_squared() < a.length_squared() { b } else { a }
 }
 
 /// [`power`] of a point: for one near to a large sphere |c - p|^2 would lose what |c|^2 - r^2 keeps.
@@ -227,9 +231,10 @@ fn power_of(p: DVec3, centre: DVec3, radius: f64) -> f64 {
 /// strictly on different sides of its plane, and the line between them meets it. Its edges and vertices hide.
 pub fn triangle_hides(light: DVec3, p: DVec3, vertices: [DVec3; 3], epsilon: f64) -> bool {
     let [v1, v2, v3] = vertices;
-    // v x w of eq. 10, seen from p, is twice the edge's middle times the edge, which loses no digits where p is far from both.
+    // v x w of eq. 10 is twice the edge's middle times the edge, which loses no digits seen from the nearer end.
     let to_light = light - p;
-    let volume = |v: DVec3, w: DVec3| to_light.dot(((v - p) + (w - p)).cross(w - v));
+    let middle = |v: DVec3, w: DVec3| shorter((v - p) + (w - p), (v - light) + (w - light));
+    let volume = |v: DVec3, w: DVec3| to_light.dot(middle(v, w).cross(w - v));
     let first = volume(v1, v2);
     // Of most triangles the line meets neither side, which costs less to know than where its ends are.
     [1.0, -1.0].into_iter().any(|side| {
@@ -324,6 +329,20 @@ mod tests {
         assert!(
             !sphere_hides(p, p, corner(1.0, 0.0, 4.0), 1.0, E) && !sphere_hides(p, p, corner(9.0, 0.0, 4.0), 1.0, E)
         );
+    }
+
+    #[test]
+    fn what_is_small_and_near_a_light_hides_it_from_what_is_far_away() {
+        let (light, side) = (corner(0.5, 8.0, 4.0), corner(3.0, -4.0, 0.0));
+        for far in [1e3, 1e10, 1e20, 1e30] {
+            let p = light + far * side;
+            for (beside, hides) in [(0.0, true), (1.2, false)] {
+                let centre = light + 2.0 * side + beside * corner(0.8, 0.6, 0.0);
+                let vertices = [Z, corner(0.8, 0.6, -1.0), corner(-0.8, -0.6, -1.0)].map(|v| centre + v);
+                assert_eq!(sphere_hides(light, p, centre, 1.0, E), hides, "{far}");
+                assert_eq!(triangle_hides(light, p, vertices, E), hides, "{far}");
+            }
+        }
     }
 
     #[test]

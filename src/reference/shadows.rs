@@ -88,11 +88,12 @@ where
         let nearest = |sizes: [f64; 3]| (1..3).fold(0, |at, i| if sizes[i] < sizes[at] { i } else { at });
         let seen = vertices.each_ref().map(|v| v.sub(&self.p));
         let sizes = seen.each_ref().map(|v| DVec3::from(v.to_f64()).length());
-        let from_light = vertices.each_ref().map(|v| DVec3::from(v.sub(&self.light).to_f64()));
+        let by_light = vertices.each_ref().map(|v| v.sub(&self.light));
+        let from_light = by_light.each_ref().map(|v| DVec3::from(v.to_f64()));
         let (a, b) = (v1.sub(v2), v1.sub(v3));
         let (n, area) = (a.cross(&b), DVec3::from(a.to_f64()).length() * DVec3::from(b.to_f64()).length());
         let at = nearest(from_light.map(DVec3::length));
-        let of_light = &n.dot(&vertices[at].sub(&self.light));
+        let of_light = &n.dot(&by_light[at]);
         let sure = strictly(of_light, area * from_light[at].length())?;
         let side = N::new(if sure > 0.0 { -1.0 } else { 1.0 });
         if sure == NEVER {
@@ -107,8 +108,12 @@ where
             let edge = from_light[j] - from_light[i];
             let (middle, plane) = (0.5 * (sizes[i] + sizes[j]), from_light[i].cross(edge).length());
             let from_middle = (from_light[i] + 0.5 * edge).length() * edge.length() * middle;
-            let size = sizes[i] * sizes[j] * g_size + plane * self.doubt + from_middle;
-            hides = hides.min(share(&g.dot(&seen[i].cross(&seen[j])), size)?);
+            // The same volume from either end.
+            let of_light = from_light[i].length() * from_light[j].length();
+            let (ends, of_ends) =
+                if of_light < sizes[i] * sizes[j] { (&by_light, of_light) } else { (&seen, sizes[i] * sizes[j]) };
+            let size = of_ends * g_size + plane * self.doubt + from_middle;
+            hides = hides.min(share(&g.dot(&ends[i].cross(&ends[j])), size)?);
         }
         Some(hides)
     }
