@@ -680,6 +680,20 @@ fn a_colour_profile_of_a_png_is_not_unpacked() {
 }
 
 #[test]
+fn a_row_of_a_png_may_be_many_times_as_long_as_its_file() {
+    const PIXELS: u32 = 10_000_000;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, PIXELS, 1);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::One);
+    encoder.set_palette(&[1, 2, 3]);
+    encoder.set_compression(png::Compression::High);
+    encoder.write_header().unwrap().write_image_data(&vec![0; PIXELS as usize / 8]).unwrap();
+    let picture = read_bytes(&bytes).unwrap();
+    assert!(picture.pixels == Pixels::Rgb8(vec![[1, 2, 3]; PIXELS as usize]), "other pixels");
+}
+
+#[test]
 fn a_file_cut_off_anywhere_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     for (name, format) in FORMATS {

@@ -204,8 +204,8 @@ fn by_magic(
     let by_deflate = length.saturating_mul(DEFLATE_EXPANSION);
     Ok(match magic {
         Magic::Png => {
-            // The rows, and the file's content beside the pixels.
-            let most = by_deflate.saturating_add(1 << 20).min(MAX_BYTES);
+            // The rows, a bit of which may become the four bytes of a palette's colour, and what is beside the pixels.
+            let most = by_deflate.saturating_mul(32).saturating_add(1 << 20).min(MAX_BYTES);
             (Box::new(PngDecoder::new(reader, most as usize)?), by_deflate.saturating_mul(8) / png_bits)
         }
         Magic::Exr => {
