@@ -68,7 +68,7 @@ pub struct RenderArgs {
     /// Print where the time went
     #[arg(long)]
     pub stats: bool,
-    /// Print it as one JSON document
+    /// Print it as JSON: a document for each scene
     #[arg(long)]
     pub json: bool,
     /// Let the name in the scene replace a file that exists
