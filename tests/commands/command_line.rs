@@ -1274,7 +1274,7 @@ fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
     }
 }
 
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", rayo_asm))]
 #[test]
 fn an_experiment_whose_runs_cannot_start_names_the_limits_that_may_be_why() {
     let place = Place::new();
