@@ -4,8 +4,8 @@
 ; is on the other side of its plane than L, and within its edges as L sees them: on the inner side of the planes
 ; through L and each edge, eq. 10 asked from the light. A sphere does if the line through P and L meets it, eq. 5 asked
 ; from P with g = L - P and q = c - P: D = (g.q)^2 - g.g (q.q - r^2) near it, r^2 g.g - |q x g|^2 from afar, where l =
-; c - L stands for q if it is shorter; and if one of the two walls is between. What P's rounding may explain does not
-; hide.
+; c - L stands for q if it is much shorter; and if one of the two walls is between. What P's rounding may explain does
+; not hide.
 ;
 ; Assembled once per ISA, in f64. The functions:
 ;

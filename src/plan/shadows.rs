@@ -36,8 +36,8 @@ const SLACK: f64 = 8.0 * f64::EPSILON;
 /// What P's rounding, and that of products with it, may make of the power of a sphere.
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// A point of so many times the power of its light for a sphere is much farther from it than that.
-const FAR_POWER: f64 = 1048576.0;
+/// A point whose power for a sphere is so many times that of the light is much farther from the sphere than the light is.
+const FAR_POWER: f64 = 1_048_576.0;
 
 /// Triangles next to each other in the scene that are one object of a side, if they are also near each other.
 const RUN: usize = 16;
