@@ -3,6 +3,8 @@
 //! The paper blames the cache. Other causes would look alike in its data: a core that slows down while the time-stamp
 //! counter goes on at its constant rate, and pages that are given out on first touch. Each is measured beside every run.
 
+use std::hint::black_box;
+
 use serde::{Deserialize, Serialize};
 
 use super::in_size;
@@ -137,7 +139,6 @@ pub fn run(
     let engines = speedup::baseline_and_control();
     let bandwidth = bandwidth(&machine.caches, BANDWIDTH_RUNS, clock, |pixels, pass| {
         pixels.fill(Vec4::new(pass as f32, 0.0, 1.0));
-        std::hint::black_box(pixels);
     })?;
     let mut rows = Vec::new();
     for (width, height) in sizes(quick) {
@@ -229,7 +230,8 @@ pub(super) fn bandwidth(
         let pixels = &mut pixels[first..first + len];
         // Small levels are gone over so often that the clock's own time does not show.
         let passes = (MIN_BYTES / bytes).max(1);
-        let mut work: [Work<'_>; 1] = [Box::new(|| (0..passes).for_each(|pass| fill(pixels, pass)))];
+        let mut pass = |pass| fill(black_box(&mut *pixels), pass);
+        let mut work: [Work<'_>; 1] = [Box::new(|| (0..passes).for_each(&mut pass))];
         let runs = interleave(clock, &mut work, 0..runs, &mut || true).expect("nobody stops it");
         let bytes = len * size_of::<Vec4>();
         Ok(Bandwidth { level, bytes, bytes_per_cycle: (bytes * passes) as f64 / minimum(&runs[0].ticks) })

@@ -9,7 +9,7 @@ use super::in_size;
 use super::jumps::{Bandwidth, bandwidth};
 use super::lab::{Bench, Case, LabError, Progress, Timed};
 use super::ladder::SIZE;
-use crate::kernels::{self, Isa, code_at, step};
+use crate::kernels::{self, Isa, Vec4, code_at, step};
 use crate::measure::Name;
 use crate::measure::instructions::{Instruction, decode};
 use crate::measure::source::Unit;
@@ -82,7 +82,8 @@ pub fn run(caches: &[Cache], clock: &mut dyn Clock, proceed: &mut Progress<'_>) 
     if !proceed(1) {
         return Ok(None);
     }
-    roofline.roofs = roofs(caches, clock)?;
+    // Zeros are stored as the C library does it, with all that the CPU has.
+    roofline.roofs = bandwidth(caches, RUNS, clock, |pixels, _| pixels.fill(Vec4::default()))?;
     if !proceed(1) {
         return Ok(None);
     }
@@ -114,12 +115,6 @@ fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
         Some(Peak { isa: isa.name().into(), flops_per_cycle: flops / minimum(&runs[0].ticks) })
     };
     usable().filter_map(of).collect()
-}
-
-/// The widest stores into half of each level of cache, and into four times the last.
-fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, LabError> {
-    let Some(widest) = usable().last().and_then(kernels::packets) else { return Ok(Vec::new()) };
-    bandwidth(caches, RUNS, clock, |pixels, _| widest.fill.f32x4(pixels, false))
 }
 
 /// The engines of assembly on a scene.

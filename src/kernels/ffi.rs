@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::isa::Isa;
 use super::kernel::kernel;
-use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
+use super::packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
 use super::records::{
     Element, ObjectLight, Sphere, SphereCasters, SphereHit, SpherePlanes, Triangle, TriangleCasters, TriangleHit,
@@ -135,7 +135,6 @@ tables! { $
         single: ElementKernels<f32> = "single_" single;
         /// On f64.
         double: ElementKernels<f64> = "double_" double;
-        fill: Fill = "fill";
         /// From four bytes a pixel to three.
         narrow_rgb8: Narrow<Rgba8, Rgb8> = "narrow_rgb8";
         /// From four floats a pixel to three.

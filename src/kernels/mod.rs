@@ -48,7 +48,7 @@ pub use kernel::Kernel;
 #[cfg(feature = "lab")]
 pub use lanes::{LaneObjects, LaneTracer, lane_symbols, lane_tracer};
 pub use objects::{FacePart, ObjectList, TriangleList};
-pub use packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
+pub use packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use portable::{normal_over_t, portable};
 pub use records::{

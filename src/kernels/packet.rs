@@ -4,7 +4,7 @@ use std::ptr;
 
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere};
-use super::types::{Plain, Vec4, bytes};
+use super::types::bytes;
 
 /// Pixels of four bytes: red, green, blue, and 255.
 pub type Rgba8 = [u8; 4];
@@ -86,52 +86,5 @@ kinds! {
                 Way::Rust(narrow) => narrow(four, three),
             }
         }
-    }
-
-    /// Fills many pixels with one pattern.
-    Fill as fn(&mut [u32], u32);
-
-    /// Writes `pattern` to all of `out`. `streaming`: past the cache.
-    fn call(out: &mut [u32], pattern: u32, streaming: bool); |way| {
-        if !out.is_empty() {
-            let count = out.len() as u64;
-            match way {
-                Way::Code(enter) => _ = enter([writes(out), count, pattern.into(), streaming.into(), 0, 0]),
-                Way::Rust(fill) => fill(out, pattern),
-            }
-        }
-    }
-}
-
-impl Fill {
-    /// Black floats. `streaming`: past the cache.
-    pub fn f32x4(&self, out: &mut [Vec4], streaming: bool) {
-        self.fill(out, Vec4::ZERO, 0, streaming);
-    }
-
-    /// Black floats. `streaming`: past the cache.
-    pub fn f32x3(&self, out: &mut [F32x3], streaming: bool) {
-        self.fill(out, F32x3::ZERO, 0, streaming);
-    }
-
-    /// Black levels. `streaming`: past the cache.
-    pub fn rgba8(&self, out: &mut [Rgba8], streaming: bool) {
-        let black = [0, 0, 0, 255];
-        self.fill(out, black, u32::from_le_bytes(black), streaming);
-    }
-
-    /// Black levels. `streaming`: past the cache.
-    pub fn rgb8(&self, out: &mut [Rgb8], streaming: bool) {
-        self.fill(out.as_flattened_mut(), 0, 0, streaming);
-    }
-
-    /// Fills `out` with a value, of which `pattern` is made.
-    fn fill<T: Plain>(&self, out: &mut [T], value: T, pattern: u32, streaming: bool) {
-        // SAFETY: any bits are numbers of 32 bits, and any of these are a Plain type.
-        let (before, numbers, after) = unsafe { out.align_to_mut() };
-        // All of it, if no value begins at a 32-bit number.
-        before.fill(value);
-        self.call(numbers, pattern, streaming);
-        after.fill(value);
     }
 }

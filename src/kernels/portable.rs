@@ -14,7 +14,7 @@ mod spheres;
 use lanes::{Lanes, Number, Packet};
 
 use super::ffi::{ElementKernels, LitBodies, PacketKernels, TileKernels};
-use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
+use super::packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::records::{
     Element as _, Sphere, SphereCasters, SpherePlanes, TileSphere, Triangle, TriangleCasters, TrianglePlanes,
 };
@@ -51,7 +51,6 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
     PacketKernels {
         single: elements::<Packet<f32, N, FUSED>, Packet<f64, HALF, FUSED>, f32>(),
         double: elements::<Packet<f64, HALF, FUSED>, Packet<f64, HALF, FUSED>, f64>(),
-        fill: Fill::in_rust(|out, pattern| out.fill(pattern), "fill"),
         narrow_rgb8: Narrow::<Rgba8, Rgb8>::in_rust(rows::narrow_rgb8, "narrow_rgb8"),
         narrow_f32x3: Narrow::<Vec4, F32x3>::in_rust(rows::narrow_f32x3, "narrow_f32x3"),
         bounds: Bounds::<Triangle>::in_rust(set_up::bounds::<Packet<f32, N, FUSED>>, "bounds"),

@@ -14,7 +14,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use self::nearest::{Scratch, SoFar, TileObjects};
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing};
 use crate::kernels::{
-    Element, ElementKernels, Fill, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
+    Element, ElementKernels, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4, sys,
 };
 use crate::plan::{Keep, Omission, Raster, Report, TilePlace, Tiles, Weighted};
@@ -79,16 +79,12 @@ impl<'a, E: Element> TileTracer<'a, E> {
 /// The differences between the outputs of four channels, from which those of three are made.
 trait Output<E: Element>: Pixel + Plain {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
-    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
 }
 
 impl<E: Element> Output<E> for Vec4 {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
         plan.linear()
-    }
-    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-        tracer.packets.fill.f32x4(out, false);
     }
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
         if tracer.fast { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
@@ -98,9 +94,6 @@ impl<E: Element> Output<E> for Vec4 {
 impl<E: Element> Output<E> for Rgba8 {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
         plan.levels()
-    }
-    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-        tracer.packets.fill.rgba8(out, false);
     }
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
         &tracer.kernels.tiles.rgba8
@@ -118,46 +111,15 @@ struct Misses<P> {
     hits: Option<u64>,
 }
 
-/// Adjacent tiles without objects: they are filled together, since long stretches of memory are written faster.
-struct Nobody {
-    rows: Range<u32>,
-    columns: Range<u32>,
-}
-
-impl Nobody {
-    /// Adds a window; returns those collected so far if it is not adjacent to them.
-    fn add(those: &mut Option<Nobody>, window: &TileWindow) -> Option<Nobody> {
-        let rows = window.row + window.rows.start..window.row + window.rows.end;
-        let columns = window.column..window.column + window.columns;
-        match those {
-            Some(those) if those.rows == rows && those.columns.end == columns.start => {
-                those.columns.end = columns.end;
-                None
-            }
-            _ => those.replace(Nobody { rows, columns }),
-        }
-    }
-
-    /// Calls `say` for each row with the places of its pixels in a film of `rows` that are `width` pixels wide.
-    fn each_row(self, rows: &Range<u32>, width: usize, mut say: impl FnMut(Range<usize>)) {
-        for row in self.rows {
-            let first = (row - rows.start) as usize * width;
-            say(first + self.columns.start as usize..first + self.columns.end as usize);
-        }
-    }
-}
-
 impl<E: Element> TileTracer<'_, E> {
     /// Traces rows; returns the number of hits, if they are to be `counted`.
     fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
         let (wanted, hits): (&Wanted<'_>, _) = (&|rows, _| rows, counted.then_some(0));
         match out {
             FilmMut::F32x4(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
-            FilmMut::F32x3(out) => {
-                self.trace_three::<_, Vec4>(rows, out, &self.packets.narrow_f32x3, Fill::f32x3, hits)
-            }
+            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3, hits),
             FilmMut::Rgba8(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
-            FilmMut::Rgb8(out) => self.trace_three::<_, Rgba8>(rows, out, &self.packets.narrow_rgb8, Fill::rgb8, hits),
+            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8, hits),
         }
     }
 
@@ -171,56 +133,44 @@ impl<E: Element> TileTracer<'_, E> {
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
-        let (mut scratches, mut nobody, rest) = (self.scratches(), None, misses.rest);
-        let fill = |out: &mut [P], nobody: Nobody| {
-            nobody.each_row(&rows, width, |pixels| match rest {
-                Some(rest) => out[pixels].fill(rest),
-                None => P::fill(self, &mut out[pixels]),
-            });
-        };
+        let (mut scratches, rest) = (self.scratches(), misses.rest.unwrap_or(P::of_linear(&Vec4::ZERO)));
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let first = first_pixel(window, &rows, width);
             ask_for_next(out, window, first, width);
             let own = TileOut { pixels: &mut *out, first, width };
             if !self.trace_tile(tile, window, own, &mut scratches, &mut misses) {
-                Nobody::add(&mut nobody, window).into_iter().for_each(|nobody| fill(out, nobody));
+                rows_of(out, window, first, width).for_each(|row| row.fill(rest));
             }
         });
-        nobody.into_iter().for_each(|nobody| fill(out, nobody));
         self.put_back(scratches);
         misses.hits
     }
 
     /// Traces in four channels, tile by tile, and narrows them to three.
-    fn trace_three<P, Four: Output<E> + Output<f64>>(
+    fn trace_three<T: Plain, Four: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
-        out: &mut [P],
-        narrow: &Narrow<Four, P>,
-        fill: fn(&Fill, &mut [P], bool),
+        out: &mut [[T; 3]],
+        narrow: &Narrow<Four, [T; 3]>,
         hits: Option<u64>,
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
-        let (mut scratches, mut nobody, mut misses) = (self.scratches(), None, Misses { rest: None, hits });
-        let fill = |out: &mut [P], nobody: Nobody| {
-            nobody.each_row(&rows, width, |pixels| fill(&self.packets.fill, &mut out[pixels], false));
-        };
+        let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {
-            ask_for_next(out, window, first_pixel(window, &rows, width), width);
+            let first = first_pixel(window, &rows, width);
+            ask_for_next(out, window, first, width);
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
-            if !self.trace_tile(tile, window, own, &mut scratches, &mut misses) {
-                Nobody::add(&mut nobody, window).into_iter().for_each(|nobody| fill(out, nobody));
-                return;
-            }
-            let columns = window.columns as usize;
-            let out = out[first_pixel(window, &rows, width)..].chunks_mut(width);
-            for (four, out) in four.chunks(TILE_WIDTH).zip(out).take(window.rows.len()) {
-                narrow.call(&four[..columns], &mut out[..columns]);
+            let is_empty = !self.trace_tile(tile, window, own, &mut scratches, &mut misses);
+            for (four, row) in four.chunks(TILE_WIDTH).zip(rows_of(out, window, first, width)) {
+                if is_empty {
+                    row.as_flattened_mut().fill(T::ZERO);
+                } else {
+                    narrow.call(&four[..row.len()], row);
+                }
             }
         });
-        nobody.into_iter().for_each(|nobody| fill(out, nobody));
         self.put_back(scratches);
         misses.hits
     }
@@ -347,6 +297,17 @@ fn ask_for_next<P>(out: &[P], window: &TileWindow, first: usize, width: usize) {
         let next = first + row * width + window.columns as usize;
         sys::ask_to_write(&out[next..next + left.min(TILE_WIDTH)]);
     }
+}
+
+/// The rows of a window's pixels in a film, of which this is the first.
+fn rows_of<'a, P>(
+    out: &'a mut [P],
+    window: &TileWindow,
+    first: usize,
+    width: usize,
+) -> impl Iterator<Item = &'a mut [P]> {
+    let columns = window.columns as usize;
+    out[first..].chunks_mut(width).take(window.rows.len()).map(move |row| &mut row[..columns])
 }
 
 /// The index of a window's first pixel in a film of these rows.

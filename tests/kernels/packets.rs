@@ -11,8 +11,8 @@ use std::fmt::Debug;
 use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
-    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, LIT_ROWS, LitGroups, LitPoints, LitRow, LitRows,
-    LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
+    BoundsView, CHUNK, Candidate, Element, ElementKernels, LIT_ROWS, LitGroups, LitPoints, LitRow, LitRows, LitSphere,
+    Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
     SphereRecords, TILE_PARTS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, TriangleList,
     Vec4, own_bits, packet_symbols,
 };
@@ -119,7 +119,6 @@ kernels! {
     lit_rgb8: single.lit.rgb8, single.grey.rgb8, double.lit.rgb8, double.grey.rgb8;
         lit_cases(), |table, case| lit!(table, case, rgb8, [7; 3]);
     lit_rows: single.lit_rows, double.lit_rows; row_cases(), found_rows;
-    fill: fill; Place::all(), |table, place| filled(&table.fill, place);
     narrow_rgb8: narrow_rgb8; Place::all(), |table, place| {
         narrowed(&table.narrow_rgb8, place, [7; 3], |i| [i, i + 1, i + 2, 255])
     };
@@ -160,21 +159,6 @@ impl Place {
         write(&mut film[self.first..self.first + self.count]);
         film
     }
-}
-
-fn filled(fill: &Fill, place: &Place) -> Made {
-    let mut made = Made::new();
-    for pattern in [0, 0x1234_5678] {
-        add(&mut made, "words", &place.film(7, |out| fill.call(out, pattern, place.streaming)));
-    }
-    add(&mut made, "four floats", &place.film(Vec4::from([7.0; 4]), |out| fill.f32x4(out, place.streaming)));
-    add(&mut made, "three floats", &place.film([7.0; 3], |out| fill.f32x3(out, place.streaming)));
-    add(&mut made, "three bytes", &place.film([7; 3], |out| fill.rgb8(out, place.streaming)));
-    // Rust aligns four bytes to one: they may begin at any address.
-    let bytes = Place { count: 4 * place.count, ..*place };
-    let black = |out: &mut [u8]| fill.rgba8(out.as_chunks_mut().0, place.streaming);
-    add(&mut made, "four bytes", &bytes.film(7, black));
-    made
 }
 
 fn narrowed<Four: Plain, P: Plain + Debug>(
