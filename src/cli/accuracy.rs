@@ -20,11 +20,11 @@ use crate::measure::{Clock, Machine, MachineClock};
 /// Scenes so few that each is shown row by row.
 const FEW: usize = 8;
 
-/// Hold every engine against exact arithmetic, and its error against its run time
+/// Compare every engine with exact arithmetic, and its error with its run time
 ///
 /// The truth is computed in 256 bits. Where it is within its margin of another answer, either is right; everywhere else
-/// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that nothing beats in both error and time are
-/// marked: they are the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
+/// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that no other beats in both error and time
+/// are marked as the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
 /// names. Ctrl-C keeps what is finished.
 #[cfg_attr(feature = "mpi", doc = " Ranks of mpirun share the scenes, and there Ctrl-C keeps nothing.")]
 #[derive(Debug, Args)]
@@ -33,8 +33,8 @@ const FEW: usize = 8;
   rayo accuracy scenes/sphere.in scenes/many.in
   rayo accuracy S1 T3 --quick --out out/stiff")]
 pub struct AccuracyArgs {
-    /// Scene files, or families of stiff scenes by their ids (S1 to S9, T1 to T7, X1, X2, L1, L2, I1). Default: the scenes that come
-    /// with the program, and each family at three levels of stiffness
+    /// Scene files, or families of stiff (ill-conditioned) scenes by their ids: S1 to S9, T1 to T7, X1, X2, L1, L2, H1
+    /// to H6, I1. Default: the scenes that come with the program, and each family without shadows at three levels
     #[arg(value_name = "SCENE")]
     scenes: Vec<String>,
     /// Small pictures and few runs: under a minute

@@ -18,7 +18,7 @@ use crate::scene::{
 ///
 /// A mesh becomes a scene with a camera that sees all of it and one light; as .toml it refers to the mesh file. A scene
 /// becomes a mesh of its triangles. What the new format cannot hold is lost with a warning. PLY and STL are written in
-/// binary; PLY has a colour for each face then, OBJ for each vertex, and STL none.
+/// binary. Colours are written to PLY for each face, to OBJ for each vertex, and not to STL.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo convert scenes/meshes/rock.ply rock.toml
@@ -28,10 +28,10 @@ pub struct ConvertArgs {
     /// The scene or mesh to read
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The file to write; its extension tells the format. Replaces what is there
+    /// The file to write; its extension decides the format. An existing file is replaced
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// No notes on what was assumed; warnings and errors remain
+    /// Print no notes on what was assumed, only warnings and errors
     #[arg(long)]
     quiet: bool,
 }

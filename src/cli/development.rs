@@ -16,21 +16,21 @@ const MOST_STOPS: f64 = 60.0;
 /// How a picture is developed.
 #[derive(Debug, Args)]
 pub struct DevelopmentArgs {
-    /// Trace N times N rays, N being at most 16, through each pixel, on a regular grid, and average their linear light: smooth
-    /// edges
+    /// Trace N times N rays (N up to 16) through each pixel, on a regular grid, and average their linear light, for
+    /// smooth edges
     #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
     samples: Option<u32>,
-    /// Trace them only through pixels at edges of the plain picture, and one ray through every other pixel: sooner done, and
-    /// within a level where light is smooth, but blind to what is smaller than a pixel. A preview has all samples
+    /// Take samples only of pixels at edges of the plain picture: this is faster, and within a level where light is
+    /// smooth, but misses what is smaller than a pixel. A preview has all samples
     #[arg(long, requires = "samples")]
     edges: bool,
-    /// What is seen where there is nothing: linear red, green and blue, from 0 on
+    /// The colour of rays that hit nothing: linear red, green and blue, from 0 on
     #[arg(long, value_name = "R,G,B", value_parser = colour, allow_hyphen_values = true)]
     background: Option<[f32; 3]>,
-    /// Multiply all light by 2 to the power of so many stops, from -60 to 60
+    /// Multiply all light by 2 to this power, from -60 to 60
     #[arg(long, value_name = "STOPS", value_parser = stops, allow_negative_numbers = true)]
     exposure: Option<f64>,
-    /// Write levels on the sRGB curve, as screens expect them, in place of linear ones; for formats with 8 bits
+    /// Write levels on the sRGB curve, as screens expect them, instead of linear ones; for formats with 8 bits
     #[arg(long)]
     srgb: bool,
 }

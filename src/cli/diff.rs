@@ -17,15 +17,15 @@ use std::process::ExitCode;
   rayo diff f64.png simd.png --tolerance 1 -o difference.png
   rayo diff f64.exr simd.exr --tolerance 1e-4 --json")]
 pub struct DiffArgs {
-    /// One image (PNG, PPM, PFM, EXR, HDR, TIFF or QOI, told by its content)
+    /// One image (PNG, PPM, PFM, EXR, HDR, TIFF or QOI, recognised by its content)
     pub a: PathBuf,
     /// The other, of the same size and kind
     pub b: PathBuf,
-    /// The largest difference of any channel that passes: in levels for 8-bit images, in linear value for floats
+    /// The largest difference of a channel that passes: in levels for 8-bit images, in linear values for floats
     #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = tolerance, allow_negative_numbers = true)]
     pub tolerance: f64,
-    /// Write a picture of the differences: black where there is none, white where it is largest, and grey at least where
-    /// there is any
+    /// Write a picture of the differences: black where there is none, white where it is largest, and at least grey
+    /// where there is any
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Print one JSON document

@@ -17,10 +17,10 @@ const VARIABLE: &str = "RAYO_ENGINE";
 /// Who traces, in what numbers.
 #[derive(Debug, Args)]
 pub struct EngineArgs {
-    /// Who computes it: reference, rust, c, paper, portable, sse41, avx2, avx512, or auto for the fastest that this CPU runs
+    /// The engine: reference, rust, c, paper, portable, sse41, avx2, avx512, or auto for the fastest that this CPU runs
     #[arg(long, value_name = "ENGINE", env = VARIABLE, default_value = "auto")]
     pub(super) engine: String,
-    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
+    /// The precision: single, fast (with estimates that only affect the shade) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
 }

@@ -20,9 +20,9 @@ const MAX_RUNS: u64 = 100_000;
 
 /// Repeat the paper's experiment: C against SIMD and every other engine at twenty sizes, on one core
 ///
-/// Prints a verdict for each of the paper's claims, and with --full its table beside ours and what the verdicts rest on.
-/// Writes table.csv, table.md, results.json, figure2.svg and ratio.svg, with --ladder ladder.svg, to the directory that --out names;
-/// with --complexity complexity.md, .csv, .json and .svg. Ctrl-C keeps what is finished, with exit status 130.
+/// Prints a verdict for each of the paper's claims, and with --full its table beside ours and what the verdicts rest
+/// on. Writes table.csv, table.md, results.json, figure2.svg and ratio.svg, with --ladder also ladder.svg, and with
+/// --complexity complexity.md, .csv, .json and .svg, to the directory of --out. Ctrl-C keeps what is finished.
 #[derive(Debug, Default, Args)]
 #[command(after_help = "Examples:
   rayo experiment --quick
@@ -35,14 +35,14 @@ pub struct ExperimentArgs {
     /// Climb from the paper's C to the fastest engine, one change at a time
     #[arg(long)]
     ladder: bool,
-    /// In place of all that: what the packets take as pictures grow to 100 million pixels, ten million objects, 64 lights
+    /// Measure instead how the packets' time grows, up to 100 million pixels, ten million objects, and 64 lights
     #[cfg_attr(feature = "mpi", doc = " (ranks of mpirun share it, and there Ctrl-C keeps nothing)")]
     #[arg(long, conflicts_with = "ladder")]
     complexity: bool,
     /// Runs of each size. Default: 25, as in the paper, or 5 with --quick; 9 or 2 with --complexity
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_RUNS))]
     runs: Option<u64>,
-    /// Engines beside `c` and `paper`, which are always there. Default: every one that this machine runs
+    /// Engines to measure beside `c` and `paper`. Default: every one that this machine runs
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     engines: Option<Vec<String>>,
     /// Print the tables too

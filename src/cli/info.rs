@@ -10,7 +10,7 @@ use crate::kernels::Isa;
 use crate::measure::Machine;
 use crate::render::Engine;
 
-/// Show the machine, the engines that it runs, and what they were built from and with
+/// Show the machine, the engines that it runs, and what they were built with
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo info

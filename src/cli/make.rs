@@ -12,28 +12,27 @@ use super::{Failure, print_result, say};
 use crate::scene::mesh::shapes::{self, MOST_TRIANGLES};
 use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting, picture_name, shown};
 
-/// Make a mesh of about so many triangles
+/// Generate a mesh with about a given number of triangles
 ///
-/// The same arguments make the same file. How many triangles it has is printed: as near to the number asked for as the
-/// shape allows.
+/// The same arguments make the same file. Its number of triangles is the nearest that the shape allows, and is printed.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo make icosphere --triangles 2000 --bumps 0.3 -o rock.ply
   rayo make torus --triangles 50000 -o ring.toml
   rayo make terrain --triangles 1000000 --seed 7 -o hills.obj")]
 pub struct MakeArgs {
-    /// What to make
+    /// The shape
     shape: Shape,
     /// About how many triangles
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_TRIANGLES))]
     triangles: u64,
-    /// The file to write: a mesh (.obj, .ply, .stl) or a scene with the mesh in it (.toml, .in). Replaces what is there
+    /// The mesh (.obj, .ply, .stl) to write, or a scene with the mesh (.toml, .in). An existing file is replaced
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// How far the icosphere's surface goes in and out, as a share of its radius, from 0 to 0.9: still closed
+    /// How far the icosphere's surface goes in and out, as a share of its radius, from 0 to 0.9
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     bumps: f64,
-    /// What the terrain and the bumps are made from
+    /// The seed of the terrain and of the bumps
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     seed: u64,
     /// Print the counts as one JSON document

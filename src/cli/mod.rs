@@ -57,8 +57,8 @@ use crate::scene::{is_unseen, shown};
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
-/// Results go to standard output, progress and warnings to standard error. Exit status: 0 done, 1 writing failed or a
-/// check did not hold, 2 bad usage or bad input.
+/// Results go to standard output, progress and warnings to standard error. Exit status: 0 done, 1 writing or a check
+/// failed, 2 invalid usage or input.
 #[derive(Debug, Parser)]
 #[command(name = "rayo", version, max_term_width = 120)]
 struct Cli {

@@ -16,29 +16,29 @@ use crate::experiments::svg::Screen;
 use crate::measure::Machine;
 use crate::measure::instructions::functions;
 
-/// Count the instructions of every operation, static and executed, and measure what they cost: the paper's section 4
+/// Count the instructions of every operation, and measure their cycles: the paper's section 4
 ///
-/// Counts come from the code of this build: of C and NASM from the objects it was linked from, of Rust from the running
-/// program.
+/// Counts come from the code of this build: for C and NASM from the objects it was linked from, for Rust from the
+/// running program.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo ops --op dot,cross
   rayo ops --op lit --engine avx2,portable --asm
   rayo ops --kernel rayo_paper_trace")]
 pub struct OpsArgs {
-    /// Some operations, separated by commas, with the kinds of their instructions: add, sub, scale, dot, norm, cross,
-    /// normalise, sphere, triangle, lambert; with --asm also lit, the rows of a sphere, of portable and the packets
+    /// Only these operations, separated by commas, with the kinds of their instructions: add, sub, scale, dot, norm,
+    /// cross, normalise, sphere, triangle, lambert; with --asm also lit (rows of a sphere, by portable and packets)
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     op: Vec<String>,
-    /// Some implementations, separated by commas: printed-c, printed-simd, c-O0 to c-O3, c-native, rust, glam, paper, aos,
-    /// sse41, avx2, avx512, portable; `c` is all of C, `printed` both of the paper's columns
+    /// Only these implementations, separated by commas: printed-c, printed-simd, c-O0 to c-O3, c-native, rust, glam,
+    /// paper, aos, sse41, avx2, avx512, portable; `c` is all of C, `printed` both of the paper's columns
     #[arg(long, value_name = "E", value_delimiter = ',')]
     engine: Vec<String>,
-    /// Print the listings side by side, in Intel's syntax; of one implementation beside the source
+    /// Print the listings side by side, in Intel's syntax; one implementation is printed beside its source
     #[arg(long)]
     asm: bool,
-    /// Print the listing of some kernels, separated by commas, beside their source: any function of the objects, the
-    /// loops that trace among them
+    /// Print the listings of these kernels, separated by commas, beside their source: any function of the objects,
+    /// including the loops that trace
     #[arg(long, value_name = "SYMBOL", value_delimiter = ',', conflicts_with_all = ["op", "engine", "asm", "executed", "markdown"])]
     kernel: Vec<String>,
     /// Print the symbols that --kernel takes
@@ -50,10 +50,10 @@ pub struct OpsArgs {
     /// Print one JSON document: everything that is known
     #[arg(long, conflicts_with_all = ["asm", "markdown"])]
     json: bool,
-    /// Print a page of all of it, in Markdown
+    /// Print a page with everything, in Markdown
     #[arg(long, conflicts_with_all = ["asm", "op", "engine"])]
     markdown: bool,
-    /// Draw cycles against instructions: an SVG
+    /// Draw cycles against instructions, as an SVG
     #[arg(long, value_name = "FILE", conflicts_with_all = ["asm", "kernel", "kernels"])]
     figure: Option<PathBuf>,
 }

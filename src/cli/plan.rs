@@ -21,31 +21,31 @@ use crate::scene::shown;
 const PATIENCE: f64 = 10.0;
 const PATIENCE_TICKS: u64 = 20_000_000_000;
 
-/// Show what a scene does not need, and with --measure what leaving it out is worth
+/// Show which work a scene does not need, and with --measure what omitting it gains
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo plan scenes/tetrahedron.in
   rayo plan scenes/many.in --size 400x300 --engine reference --json
   rayo plan scenes/sphere.in --measure -o sphere.exr")]
 pub struct PlanArgs {
-    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl). Of several, one after
-    /// the other
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl). Several are planned
+    /// one after the other
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<PathBuf>,
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
     view: ViewArgs,
-    /// The picture that it is for, by its extension: 8 bits or floats. Default: the name in the scene
+    /// The picture to plan for, whose extension means 8 bits or floats. Default: the name in the scene
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Trace the scene, on one thread, with one omission after the other not made
+    /// Time the scene, on one thread, as planned and without one omission at a time
     #[arg(long)]
     measure: bool,
-    /// Draw what that is worth: an SVG, of all the scenes
+    /// Draw the gains in all scenes, as an SVG
     #[arg(long, value_name = "FILE", requires = "measure")]
     figure: Option<PathBuf>,
-    /// Print one JSON document, of one scene
+    /// Print one JSON document, for a single scene
     #[arg(long)]
     json: bool,
 }

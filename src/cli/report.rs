@@ -14,20 +14,20 @@ use super::{Failure, json, print, require_assembly, say, signals};
 use crate::experiments::report::Results;
 use crate::scene::shown;
 
-/// Run every experiment and make one page of the results; or make it of results that are there, of one machine or several
+/// Run every experiment and put the results on one page, or make the page from the results of one machine or several
 ///
-/// Prints a verdict for each of the paper's claims. Writes report.html, which needs nothing but itself, and results.json, which
-/// --from reads again, to the directory that --out names. Ctrl-C ends the stage that is running and makes the page of those that are done; a second one ends the program.
+/// Prints a verdict for each of the paper's claims. Writes report.html, a page in one file, and results.json, which
+/// --from reads again, to the directory of --out. Ctrl-C makes the page of what is finished; a second one ends it.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo report --quick
   rayo report --from out/report --out out/again
   rayo report --from desktop laptop --out out/both")]
 pub struct ReportArgs {
-    /// Few runs, small pictures: about a minute
+    /// Few runs and small pictures: about a minute
     #[arg(long, conflicts_with = "from")]
     quick: bool,
-    /// Measure nothing: take the results in this directory, which is a machine's. More than one: side by side
+    /// Measure nothing, but take a machine's results from this directory; those of several are shown side by side
     #[arg(long, value_name = "DIR", num_args = 1..)]
     from: Vec<PathBuf>,
     /// Where the files go

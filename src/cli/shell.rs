@@ -10,7 +10,7 @@ use clap_mangen::Man;
 use super::measuring::{create_directory, write_file};
 use super::{Cli, Failure, write_out};
 
-/// Print what a shell needs to complete the commands and their options
+/// Print the completions of commands and options for a shell
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo completions bash > ~/.local/share/bash-completion/completions/rayo

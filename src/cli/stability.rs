@@ -19,13 +19,13 @@ use crate::render::{Engine, EngineError};
 use crate::scene::families::{FAMILIES, family};
 use crate::scene::{shown, text_within};
 
-/// Sweep stiff and extreme scenes over their whole ranges, and hold every engine to its limits
+/// Sweep stiff (ill-conditioned) and extreme scenes over their whole ranges, and hold every engine to its limits
 ///
-/// The families are S1 to S9 (spheres), T1 to T7 (triangles), X1 and X2 (scales mixed, objects twice), L1 and L2 (lights), H1 to
-/// H6 (shadows, of engines that have some), I1 (images) and N1 (what is not a number).
-/// Hits, t, normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json
-/// and limits.csv, the limits that would just hold, to the directory that --out names. Exit status 1 where an engine does
-/// not keep its limits, with the command that repeats the case. Ctrl-C keeps what is finished.
+/// The families are S1 to S9 (spheres), T1 to T7 (triangles), X1 and X2 (scales mixed, objects twice), L1 and L2
+/// (lights), H1 to H6 (shadows, for engines that have them), I1 (images) and N1 (what is not a number). Hits, t,
+/// normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json and
+/// limits.csv, the limits that would just hold, to the directory that --out names. If an engine does not keep its
+/// limits, the exit status is 1, and the command that repeats the case is printed. Ctrl-C keeps what is finished.
 #[cfg_attr(feature = "mpi", doc = " Ranks of mpirun share the families, and there Ctrl-C keeps nothing.")]
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -33,23 +33,23 @@ use crate::scene::{shown, text_within};
   rayo stability --family S5 --engine rust --quick
   rayo stability --family S5 --case 12")]
 pub struct StabilityArgs {
-    /// Sweep this family alone
+    /// Sweep only this family
     #[arg(long, value_name = "NAME")]
     family: Option<String>,
-    /// Sweep this engine alone, in all its precisions
+    /// Sweep only this engine, in all its precisions
     #[arg(long, value_name = "E")]
     engine: Option<String>,
-    /// Where the families' random numbers begin
+    /// The seed of the families' random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Only this case of the family
+    /// Sweep only this case of the family
     #[arg(long, value_name = "K", requires = "family")]
     case: Option<usize>,
-    /// Hold the engines to the limits of this file in place of the program's own; limits.csv among the results is such a
+    /// Hold the engines to the limits of this file instead of the program's own; limits.csv among the results is such a
     /// file
     #[arg(long, value_name = "FILE")]
     limits: Option<PathBuf>,
-    /// Small pictures: a minute or so
+    /// Small pictures: about a minute
     #[arg(long)]
     quick: bool,
     /// Where the files go

@@ -18,8 +18,8 @@ use crate::scene::shown;
 
 /// Watch one ray go through the kernels that trace it, instruction by instruction
 ///
-/// The kernel that runs is the one that is shown: it is single-stepped, and each instruction is told in the words of its
-/// source, with what it changed. Of packets it is the packet that makes the pixel, and of its lanes the pixel's.
+/// The kernel itself is single-stepped, and each instruction is shown as in its source, with what it changed. With
+/// packets it is the packet of the pixel that is followed, and the lane of the pixel.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo step scenes/sphere.in --size 400x300 --pixel 200,150 --depth 1
@@ -29,43 +29,43 @@ pub struct StepArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     #[arg(required_unless_present = "op")]
     scene: Option<PathBuf>,
-    /// The pixel: its column and its row, counted from 0 from the upper left. Default: the middle of the picture
+    /// The pixel: its column and its row, counted from 0 at the upper left. Default: the middle of the picture
     #[arg(long, value_name = "X,Y", conflicts_with = "op")]
     pixel: Option<Pixel>,
-    /// Whose kernels: paper, sse41, avx2, avx512, or auto for the widest packets that this CPU runs
+    /// The engine to watch: paper, sse41, avx2, avx512, or auto for the widest packets that this CPU runs
     #[arg(long, value_name = "ENGINE", default_value = "paper")]
     engine: String,
-    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
+    /// The precision: single, fast (with estimates that only affect the shade) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
-    /// The lane of the packet to tell of, counted from 0. Default: the pixel's
+    /// The lane of the packet to show, counted from 0. Default: the pixel's
     #[arg(long, value_name = "N")]
     lane: Option<usize>,
-    /// How many macros deep to tell; what is deeper is one line for each macro, with what went in and what came out
+    /// How many macros deep to show; deeper ones are one line each, with their inputs and results
     #[arg(long, value_name = "N")]
     depth: Option<usize>,
-    /// Tell only of the calls of one macro, such as SPHERE_HIT
+    /// Show only the uses of one macro, such as SPHERE_HIT
     #[arg(long, value_name = "MACRO")]
     only: Option<String>,
-    /// Tell how far each number is from what it would be without rounding, and where digits are lost
+    /// Show how far each number is from what it would be without rounding, and where digits are lost
     #[arg(long)]
     error: bool,
     /// The most instructions to record
     #[arg(long, value_name = "N", default_value_t = 100_000)]
     steps: usize,
-    /// One operation in place of a scene: add, sub, scale, dot, norm, cross or normalise
+    /// One operation instead of a scene: add, sub, scale, dot, norm, cross or normalise
     #[arg(long, value_name = "NAME", conflicts_with = "scene")]
     op: Option<String>,
     /// The first vector of the operation
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "op")]
     a: Option<Vector>,
-    /// The second one; of `scale` the factor
+    /// The second one, or the factor of `scale`
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "op")]
     b: Option<Vector>,
     /// Print one JSON document: everything that is known
     #[arg(long)]
     json: bool,
-    /// Write a page to a file, in place of text: its tree folds, and the arrow keys step through it
+    /// Write a page to a file instead of text: its tree folds, and the arrow keys step through it
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     html: Option<PathBuf>,
     #[command(flatten)]

@@ -11,16 +11,16 @@ use crate::scene::{self, Camera, Opened, Scene};
 /// What takes the place of the scene's own camera, and shadows.
 #[derive(Debug, Args)]
 pub struct ViewArgs {
-    /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
+    /// The diagonal of the film, in the unit of the focal distance. Default: 1, as in the paper; old scenes need 35
     #[arg(long, value_name = "DIAGONAL", allow_negative_numbers = true)]
     film: Option<f32>,
-    /// The focal distance, in place of the scene's
+    /// The focal distance, instead of the scene's
     #[arg(long, value_name = "DISTANCE", allow_negative_numbers = true)]
     focal: Option<f32>,
-    /// The size in pixels, in place of the scene's; 800x or x600 keeps the shape
+    /// The size in pixels, instead of the scene's; 800x or x600 keeps the shape
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     size: Option<Size>,
-    /// Objects cast shadows on each other, as `shadows = true` in TOML. The engines c and paper have none
+    /// Let objects cast shadows on each other, like `shadows = true` in TOML. The engines c and paper have none
     #[arg(long)]
     shadows: bool,
 }
@@ -80,7 +80,7 @@ impl ViewArgs {
         Ok(scene)
     }
 
-    /// The scene of a file, read by so many threads, or one for each core; a mesh alone is seen by a camera with these options.
+    /// The scene of a file, read by this many threads or one for each core; a mesh alone gets a camera of these.
     pub(super) fn open(&self, path: &Path, threads: Option<usize>) -> Result<Opened, Failure> {
         open(path, &self.camera(&Camera::default())?, threads)
     }

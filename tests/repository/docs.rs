@@ -180,7 +180,7 @@ fn every_engine_of_the_readme_is_one_of_the_programs_and_the_other_way_round() {
     let rows = table.lines().skip(2).map(|row| row.split('|').nth(1).unwrap());
     let documented: BTreeSet<_> = rows.flat_map(|names| names.split('`').skip(1).step_by(2)).collect();
     let help = help(&["render"]).split_whitespace().collect::<Vec<_>>().join(" ");
-    let list = help.split("Who computes it: ").nth(1).unwrap().split(", or auto").next().unwrap();
+    let list = help.split("The engine: ").nth(1).unwrap().split(", or auto").next().unwrap();
     assert_eq!(documented, list.split(", ").collect());
 }
 

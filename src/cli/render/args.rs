@@ -27,22 +27,22 @@ const MOST_PICTURES: u32 = 100_000;
   rayo render scenes/island.toml --preview --srgb")]
 pub struct RenderArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl); - for a scene from
-    /// standard input. Several are rendered one after the other, and one that fails does not keep the others from it
+    /// standard input. Several are rendered one after the other, even if one of them fails
     #[arg(value_name = "SCENE", required = true)]
     pub scenes: Vec<PathBuf>,
-    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
-    /// with linear floats. Replaces what is there; - is standard output, as PNG, and ppm:- and the like in another format.
-    /// Of several scenes: the directory of their pictures. Default: the name in the scene, in this directory
+    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or
+    /// .hdr with linear floats. An existing file is replaced; - is a PNG on standard output, ppm:- and the like another
+    /// format. For several scenes: the directory of their pictures. Default: the scene's name for it, in this directory
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Show the picture in the terminal, two pixels in each character, and write a file only if -o is given too. It is traced
-    /// at as many pixels as fit, at most at those of the picture, with 4 x 4 samples of each unless --samples says otherwise.
-    /// Where standard output is no terminal, or NO_COLOR is set, it is made of letters from dark to bright; where it is no
-    /// terminal, in 80 columns and 24 lines
+    /// Show the picture in the terminal, two pixels in each character, and write a file only if -o is given too. As
+    /// many pixels are traced as fit, but no more than the picture has, with 4 x 4 samples each unless --samples says
+    /// otherwise. If NO_COLOR is set, or standard output is not a terminal, it consists of letters from dark to bright,
+    /// in the latter case in 80 columns and 24 lines
     #[arg(long)]
     pub preview: bool,
-    /// Go round the scene once in N steps and write a picture from each place, as many as N: -o has a number in its name, as
-    /// in frames/%04d.png. The camera stays as far from the middle of all objects as it is, and begins where it is
+    /// Go round the scene once in N steps and write a picture from each place: -o has a number in its name, as in
+    /// frames/%04d.png. The camera begins where it is, and keeps its distance from the middle of all objects
     #[arg(long, value_name = "N", value_parser = pictures, allow_negative_numbers = true, requires = "output",
         conflicts_with_all = ["preview", "explain", "stats", "json"])]
     pub orbit: Option<u32>,
@@ -52,33 +52,33 @@ pub struct RenderArgs {
     pub view: ViewArgs,
     #[command(flatten)]
     pub development: DevelopmentArgs,
-    /// Only the rows from A on, the first being 0, up to B, which is not among them: an .exr has its place in the whole
+    /// Write only the rows from A, counted from 0, up to but not including B: an .exr has its place in the whole
     /// picture (data window and display window), and any other format is a picture of these rows
     #[arg(long, value_name = "A..B", value_parser = rows)]
     pub rows: Option<Range<u32>>,
-    /// Threads that read, trace and encode. Default: one for each core
+    /// The number of threads that read, trace and encode. Default: one for each core
     #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub threads: Option<usize>,
     /// Print what is left out, and why, before the first ray
     #[arg(long)]
     pub explain: bool,
-    /// Leave nothing out that can be kept with the same arithmetic: brute force, for the same picture
+    /// Leave nothing out that can be kept with the same arithmetic: the same picture by brute force
     #[arg(long)]
     pub keep_all: bool,
     /// Print where the time went
     #[arg(long)]
     pub stats: bool,
-    /// Print it as JSON: a document for each scene
+    /// Print where the time went as JSON: a document for each scene
     #[arg(long)]
     pub json: bool,
-    /// Let the name in the scene replace a file that exists
+    /// Let the name in the scene replace an existing file
     #[arg(long)]
     pub force: bool,
-    /// Of several processes that MPI started, let the first alone read the scene and send it to the others
+    /// Let only the first of the processes that MPI started read the scene, and send it to the others
     #[cfg(feature = "mpi")]
     #[arg(long)]
     pub broadcast: bool,
-    /// No progress and no summary; warnings and errors remain
+    /// Print no progress and no summary, only warnings and errors
     #[arg(long)]
     pub quiet: bool,
 }
