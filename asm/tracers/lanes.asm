@@ -1,4 +1,4 @@
-; lanes.asm - Algorithm 1 of the paper with a ray in each lane: every ray asks every object.
+; lanes.asm - Algorithm 1 of the paper with a ray in each lane: every ray is tested against every object.
 ;
 ; By SPHERE_HIT3 and TRIANGLE_HIT3 it is the step of the ladder between the paper's tracer and the packets' kernels,
 ; which know beforehand what their rays meet.

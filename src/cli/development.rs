@@ -1,4 +1,4 @@
-//! What is made of linear light after tracing, as options.
+//! The options for what is made of linear light after tracing.
 
 use std::path::Path;
 

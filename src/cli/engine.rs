@@ -1,4 +1,4 @@
-//! The options that choose who traces, the same wherever one engine does.
+//! The options that choose an engine and its precision, shared by all commands that trace with one.
 
 use std::env;
 use std::str::FromStr;

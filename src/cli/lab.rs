@@ -1,4 +1,4 @@
-//! The commands that measure and prove, and what shells and manuals know of all.
+//! The commands that need the feature `lab`, which measure and prove, and those for shells and manuals.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! What the commands that measure share: files that appear whole, a progress bar, and an end when the user asks for it.
+//! What the commands that measure share: files that appear whole, a progress bar, and stopping at the user's request.
 
 use std::fs;
 use std::io::Write;

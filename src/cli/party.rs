@@ -1,4 +1,4 @@
-//! This process alone, or with the others that MPI started: what they agree on before they work together.
+//! This process, alone or with the others that MPI started: what they agree on before they work together.
 
 use std::ops::Range;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! `rayo completions` and `rayo man`: what shells and manuals know of the command line.
+//! `rayo completions` and `rayo man`: shell completions and manual pages of all commands.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

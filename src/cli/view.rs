@@ -1,4 +1,4 @@
-//! How a scene is read, and the options that change how it is seen: the same wherever there is one.
+//! How a scene is read, and the options that change how it is seen: shared by all commands that take one.
 
 use std::path::Path;
 use std::str::FromStr;

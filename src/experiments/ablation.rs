@@ -1,4 +1,4 @@
-//! What each omission is worth: a scene traced as planned, and with one omission after the other not made.
+//! What each omission gains: a scene timed as planned, and without one omission at a time.
 
 pub mod plot;
 

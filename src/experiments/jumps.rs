@@ -1,4 +1,4 @@
-//! The two jumps of the paper's Figure 2: what time by the pixel depends on, from small pictures to large ones.
+//! The two jumps of the paper's Figure 2: what the time per pixel depends on, from small pictures to large ones.
 //!
 //! The paper blames the cache. Other causes would look alike in its data: a core that slows down while the time-stamp
 //! counter goes on at its constant rate, and pages that are given out on first touch. Each is measured beside every run.

@@ -1,4 +1,4 @@
-//! The ladder: one change at a time from the paper's C to the best there is, and which share of the factor each has.
+//! The ladder: one change at a time from the paper's C to the fastest engine, and each one's share of the factor.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Machines side by side: the factor of each, and each engine's cycles by its machine's own bound.
+//! Machines side by side: the factor of each, and each engine's cycles beside its machine's own limit.
 
 use plotters::prelude::*;
 

@@ -1,4 +1,4 @@
-//! The roofline: how near the kernels are to what the core computes and what its caches take, both measured on the spot.
+//! The roofline: how close the kernels come to the limits of the core and of its caches, both measured on the spot.
 
 pub mod plot;
 

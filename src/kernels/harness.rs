@@ -1,4 +1,4 @@
-//! What tests try the kernels and the checks on: kernels that break the rules, functions to count, and copies of the process.
+//! What tests need to try kernels and checks: kernels that break the rules, functions to count, copies of the process.
 
 #[cfg(unix)]
 use std::io;

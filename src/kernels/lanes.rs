@@ -1,4 +1,4 @@
-//! Algorithm 1 of the paper with a ray in each lane, which asks every object: asm/tracers/lanes.asm.
+//! Algorithm 1 of the paper with a ray in each lane, tested against every object: asm/tracers/lanes.asm.
 
 use std::iter::repeat_n;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! Signs, found without tracing, that a picture of a scene will hardly be what its author meant.
+//! Signs, found without tracing, that the picture of a scene is probably not what its author meant.
 
 use glam::DVec3;
 

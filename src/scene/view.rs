@@ -1,4 +1,4 @@
-//! Where the camera stands in the world, or goes, and the way to its own frame; and a camera that frames a mesh.
+//! Where the camera stands in the world or moves, the transformation to its frame, and a camera that frames a mesh.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 

@@ -1,4 +1,4 @@
-//! A picture that becomes a file, and a row of them from all round a scene.
+//! A picture written to a file, and a series of them from all around a scene.
 
 use std::ops::Range;
 use std::path::Path;

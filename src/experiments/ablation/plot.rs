@@ -1,4 +1,4 @@
-//! The figure: what each omission is worth, a line for each, and a mark on it for each scene.
+//! The figure: what each omission gains, a line for each, and a mark on it for each scene.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! What an engine's pixels are worth against the truth: hits, t, normals, colours and levels.
+//! How far an engine's pixels are from the truth: hits, t, normals, colours and levels.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! The rows of one engine, precision and output taken together, and why each that is on no front is there.
+//! The rows of one engine, precision and output taken together, and why each that is on no front is kept.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! llvm-mca's estimate of a body, where the program is installed: a model of the CPU, to be held against measurement.
+//! llvm-mca's estimate of a body, where the program is installed: a model of the CPU, to be compared with measurement.
 
 use std::io::Write;
 use std::process::{Command, Stdio};

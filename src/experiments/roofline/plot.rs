@@ -1,4 +1,4 @@
-//! The figure: operations in a cycle against operations by the byte, under what the core and each level of memory take.
+//! The figure: operations per cycle against operations per byte, under the limits of the core and each level of memory.
 
 use super::Roofline;
 use crate::experiments::svg::{

@@ -1,4 +1,4 @@
-//! What an instruction does, as operations on elements of registers and memory: a model that is held against the CPU.
+//! What an instruction does, as operations on elements of registers and memory: a model that is compared with the CPU.
 //!
 //! An operation makes one element of others, which are those that the instruction finds. Of what an instruction computes
 //! with floating-point numbers, the model says what: that can be done again with other numbers. Of integers it knows the

@@ -1,4 +1,4 @@
-//! One operation on vectors of one's own, by the kernels that tests and counts call.
+//! One operation on given vectors, by the kernels that tests and counts call.
 
 use super::WatchError;
 use crate::kernels::{self, Isa, OpRef, PacketOp, Vec4};

@@ -1,4 +1,4 @@
-//! What was executed, in its parts: calls of kernels, loops and their rounds, out of the order of addresses alone.
+//! What was executed, in its parts: calls of kernels, loops and their rounds, found from the order of addresses alone.
 
 use std::collections::HashSet;
 use std::ops::Range;

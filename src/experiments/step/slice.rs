@@ -1,4 +1,4 @@
-//! Which instructions made a pixel: followed from its bytes back to what they were made of.
+//! Which instructions made a pixel: traced back from its bytes.
 
 use std::collections::HashSet;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! What is wrong with a mesh file, put together word by word, and its name at last.
+//! What is wrong with a mesh file, put together piece by piece, the file's name last.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! How fast the engines are: under what the machine takes, and as pictures and scenes grow.
+//! How fast the engines are: beside the machine's limits, and as pictures and scenes grow.
 
 use maud::html;
 

@@ -1,4 +1,4 @@
-//! How right the engines are: error against run time, and the map of stiff and extreme scenes.
+//! How accurate the engines are: error against run time, and the map of stiff and extreme scenes.
 
 use std::collections::BTreeMap;
 

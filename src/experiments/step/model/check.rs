@@ -1,4 +1,4 @@
-//! Operations carried out on bits, and the registers and memory held against what the CPU made.
+//! Operations carried out on bits, and the registers and memory compared with what the CPU made.
 
 use super::{Element, Operation, Place, What, arithmetic};
 use crate::kernels::step::{State, Step};

@@ -1,4 +1,4 @@
-//! Instructions on general registers, masks and flags, and those that go elsewhere.
+//! Instructions on general registers, masks and flags, and jumps.
 
 use iced_x86::{ConditionCode, Register};
 
