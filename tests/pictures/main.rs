@@ -19,6 +19,7 @@ mod schema;
 mod accuracy;
 #[cfg(feature = "files")]
 mod engines;
+mod geometry;
 #[cfg(feature = "cli")]
 mod judge;
 #[cfg(rayo_asm)]
