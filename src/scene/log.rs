@@ -7,7 +7,8 @@ use super::{Diagnostic, SceneError};
 
 /// The most errors of a file that are kept; further ones are only counted.
 const MAX_ERRORS: usize = 20;
-const BYTE_ORDER_MARK: &str = "\u{feff}";
+/// What some editors put before text, and which is none of it.
+pub(super) const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// Whether `byte` ends a line.
 pub(super) fn is_line_end(byte: u8) -> bool {

@@ -67,11 +67,11 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
     write(
         "my box.mtl",
-        "newmtl red\nKa 1 1 1\nKd 1 0 0\nd 0.5\r\nnewmtl plain\nmap_Kd a.png\n newmtl\tblue\n\tKd 0 0 .5 # dark\n",
+        "\u{feff}newmtl red\nKa 1 1 1\nKd 1 0 0\nd 0.5\r\nnewmtl plain\nmap_Kd a.png\n newmtl\tblue\n\tKd 0 0 .5 # dark\n",
     );
     let faces = "f 1 2 3\nusemtl red\nf 1 2 3 4\nusemtl  blue \nf 1 2 3\nusemtl none\nf 1 2 3\nusemtl plain\nf 1 2 3\n";
     for before in ["", "# goes on \\\nthere\n"] {
-        write("box.obj", &format!("mtllib my box.mtl\n{before}{OBJ_SQUARE}vn 0 0 1\n{faces}"));
+        write("box.obj", &format!("\u{feff}mtllib my box.mtl\n{before}{OBJ_SQUARE}vn 0 0 1\n{faces}"));
         let mesh = Mesh::read(&folder.path().join("box.obj")).unwrap();
         assert_eq!(colours(&mesh), [[1.0; 3], RED, RED, [0.0, 0.0, 0.5], [1.0; 3], [1.0; 3]]);
         assert_eq!(mesh.notes, ["not read: normals", "not read: textures, transparency"]);
@@ -186,9 +186,10 @@ fn an_obj_file_may_be_written_in_many_ways() {
         ("CR LF", "f 1 2 3 4\r"),
         ("a fifth vertex that no face has", "v 9 9 9\nf 1 2 3 4"),
     ] {
-        let mesh =
-            read(MeshFormat::Obj, format!("{OBJ_SQUARE}{faces}\n")).unwrap_or_else(|error| panic!("{way}: {error}"));
-        assert_eq!(soup(&mesh), fan(), "{way}");
+        for mark in ["", "\u{feff}"] {
+            let mesh = read(MeshFormat::Obj, format!("{mark}{OBJ_SQUARE}{faces}\n"));
+            assert_eq!(soup(&mesh.unwrap_or_else(|error| panic!("{way}: {error}"))), fan(), "{way}");
+        }
     }
     let quad = read(MeshFormat::Obj, format!("{OBJ_SQUARE}f 1 2 3 4\nf 1 2 3\nf 1 2 3 4 1")).unwrap();
     assert_eq!((quad.polygons, quad.triangles.len()), (2, 6));
@@ -256,7 +257,9 @@ fn a_ply_file_may_be_text_or_binary_of_either_byte_order() {
         }
     }
     let crlf = String::from_utf8(ply_square("ascii", "float", "int")).unwrap().replace('\n', "\r\n");
-    assert_eq!(soup(&read(MeshFormat::Ply, crlf).unwrap()), fan());
+    for mark in ["", "\u{feff}"] {
+        assert_eq!(soup(&read(MeshFormat::Ply, format!("{mark}{crlf}")).unwrap()), fan());
+    }
 }
 
 fn stl_text(name: &str) -> String {
@@ -290,7 +293,9 @@ fn an_stl_file_may_be_text_or_binary_whatever_its_title() {
         stl_text(" a square of two").into_bytes(),
         stl_text("").into_bytes(),
         stl_text("").replace('\n', "\r\n").into_bytes(),
+        format!("\u{feff}{}", stl_text("")).into_bytes(),
         stl_binary("square"),
+        stl_binary("\u{feff}square"),
         stl_binary("solid as a rock"),
         stl_binary("solid\n facet"),
         stl_binary("solid \u{f1}"),

@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::Mesh;
 use crate::scene::diagnostic::printable;
+use crate::scene::log::BYTE_ORDER_MARK;
 use crate::scene::number::number;
 use crate::scene::open;
 
@@ -124,6 +125,7 @@ fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> b
     let Ok(text) = open::contents_within(&path, MOST, "too many for materials") else { return false };
     let mut material = Material::default();
     let mut begun = None;
+    let text = text.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&text);
     for line in text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii) {
         let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
         let (word, rest) = line.split_at(end);

@@ -6,6 +6,7 @@ use std::path::Path;
 use super::materials::Materials;
 use super::polygon::{self, Fan};
 use super::{Mesh, MeshError, MeshFormat, obj, ply, stl};
+use crate::scene::log::BYTE_ORDER_MARK;
 use crate::scene::open;
 
 impl Mesh {
@@ -59,10 +60,16 @@ impl Mesh {
 }
 
 /// The mesh of a file of this length, with only a piece at a time in memory; None if that cannot be read.
-fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(Mesh, Materials), MeshError>> {
+fn parse(mut file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(Mesh, Materials), MeshError>> {
     if length == 0 {
         return Some(Err(MeshError::new("the file is empty").expected(format!("a mesh in the format {format}"))));
     }
+    let mut begin = Vec::new();
+    file.by_ref().take(8).read_to_end(&mut begin).ok()?;
+    // The title of a binary STL may begin with anything.
+    let text = begin.strip_prefix(BYTE_ORDER_MARK.as_bytes());
+    let text = text.filter(|text| format != MeshFormat::Stl || *text == b"solid").unwrap_or(&begin);
+    let (file, length) = (text.chain(file), length.saturating_sub(begin.len() - text.len()));
     let alone = |mesh| (mesh, Materials::default());
     let read = match format {
         MeshFormat::Obj => obj::read(file, length)?,
