@@ -2,11 +2,11 @@
 
 use std::env;
 use std::str::FromStr;
-use std::thread;
 
 use clap::Args;
 
 use super::Failure;
+use crate::kernels::sys::cores;
 use crate::plan::{Keep, Team};
 use crate::render::{Engine, EngineError, PixelFormat, Plan, Precision, Purpose, Settings};
 use crate::scene::Scene;
@@ -62,8 +62,4 @@ impl Tracing {
     pub(super) fn settings(self) -> Settings {
         Settings { threads: self.threads.unwrap_or_else(|| Team::up_to(cores()).threads()) }
     }
-}
-
-fn cores() -> usize {
-    thread::available_parallelism().map_or(1, usize::from)
 }

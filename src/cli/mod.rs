@@ -44,13 +44,14 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use clap::{Parser, Subcommand};
 use serde::Serialize;
 use terminal_size::{Height, Width, terminal_size_of};
 
 use self::party::Party;
-use crate::kernels::sys::is_standard_output_open;
+use crate::kernels::sys::{has_small_stack, is_standard_output_open};
 use crate::kernels::{Isa, memory};
 use crate::render::{RenderError, remove_unfinished};
 use crate::scene::{is_unseen, shown};
@@ -146,6 +147,12 @@ fn keep_apart<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> 
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
+    // Reading the arguments takes some 70 kB.
+    let other = has_small_stack().then(|| thread::Builder::new().spawn(run));
+    other.and_then(Result::ok).map_or_else(run, |other| other.join().unwrap_or(ExitCode::from(101)))
+}
+
+fn run() -> ExitCode {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     memory::use_large_pages();
     memory::before_the_end(remove_unfinished);
@@ -267,9 +274,18 @@ struct Document<'a, T> {
     content: &'a T,
 }
 
-/// The text of such a document; all have the first schema.
+/// The text of such a document; all have the first schema. Characters that text output escapes are escaped as JSON has it.
 fn json(content: &impl Serialize) -> Result<String, Failure> {
-    serde_json::to_string_pretty(&Document { schema: 1, content }).map_err(Failure::output)
+    let text = serde_json::to_string_pretty(&Document { schema: 1, content }).map_err(Failure::output)?;
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_unseen(c) && c != '\n' {
+            c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| escaped += &format!("\\u{unit:04x}"));
+        } else {
+            escaped.push(c);
+        }
+    }
+    Ok(escaped)
 }
 
 /// Prints the result: as one JSON document where that is asked for, else as text.

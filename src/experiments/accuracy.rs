@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::lab::{Bench, Case, LabError, Timed};
 use crate::kernels::Isa;
+use crate::kernels::sys::cores;
 use crate::measure::Name;
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine};
@@ -267,8 +268,7 @@ const ANSWER_SECONDS: f64 = 4e-6;
 
 /// The seconds that it may take to hold so many `rays` of each of so many contenders against the truth, by all threads.
 pub fn forecast(rays: u64, contenders: usize) -> f64 {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    rays as f64 * (TRUTH_SECONDS + contenders as f64 * ANSWER_SECONDS) / cores as f64
+    rays as f64 * (TRUTH_SECONDS + contenders as f64 * ANSWER_SECONDS) / cores() as f64
 }
 
 /// The seconds that [`measure`] may take for all these.

@@ -66,6 +66,19 @@ pub fn is_ignored(signal: i32) -> bool {
     action.sa_sigaction == libc::SIG_IGN
 }
 
+/// Whether the first thread's stack is limited to less than others have (`ulimit -s 64`).
+pub fn has_small_stack() -> bool {
+    #[cfg(unix)]
+    {
+        let mut limit = libc::rlimit { rlim_cur: libc::RLIM_INFINITY, rlim_max: libc::RLIM_INFINITY };
+        // SAFETY: the structure is ours to write.
+        unsafe { libc::getrlimit(libc::RLIMIT_STACK, &mut limit) };
+        limit.rlim_cur < 1 << 20
+    }
+    #[cfg(not(unix))]
+    false
+}
+
 #[cfg(unix)]
 pub use at_start::is_standard_output_open;
 
@@ -136,6 +149,11 @@ pub fn pin_to(core: usize) -> io::Result<()> {
 #[cfg(not(target_os = "linux"))]
 pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
+}
+
+/// The cores that this thread may use, at least 1.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Memory for this many values, on large pages as far as these lie within it.
@@ -232,7 +250,7 @@ impl Cores {
 
     /// The number of cores.
     pub fn count(&self) -> usize {
-        std::thread::available_parallelism().map_or(1, usize::from)
+        cores()
     }
 
     /// Nothing to do.

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Name;
 use super::tsc_hz;
+use crate::kernels::sys::cores;
 
 /// The commit of the program, which only the program knows.
 static COMMIT: OnceLock<&'static str> = OnceLock::new();
@@ -73,7 +74,7 @@ impl Machine {
         let tsc_hz = tsc_hz();
         let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease");
         Machine {
-            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            cores: cores(),
             caches: caches(),
             os: std::env::consts::OS.into(),
             kernel: kernel.ok().map(|release| release.trim().to_owned()),

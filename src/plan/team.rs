@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder, Yield};
 
+use crate::kernels::sys::cores;
+
 /// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
 
@@ -148,7 +150,7 @@ impl Team {
 /// if others cannot be started. They are started the first time, and stay.
 pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
     static ALL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    match ALL.get_or_init(|| ThreadPoolBuilder::new().build().ok()) {
+    match ALL.get_or_init(|| ThreadPoolBuilder::new().num_threads(cores()).build().ok()) {
         Some(all) => all.install(|| (0..count).into_par_iter().map(work).collect()),
         None => (0..count).map(work).collect(),
     }

@@ -3,7 +3,6 @@
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
-use std::thread;
 
 use glam::Vec3;
 
@@ -13,7 +12,7 @@ use super::log::is_line_end;
 use super::parse::{opened_with_care, parse_with_warnings};
 use super::token::next_token;
 use super::{Camera, Faces, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, parse_toml};
-use crate::kernels::sys::room;
+use crate::kernels::sys::{cores, room};
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
@@ -58,7 +57,7 @@ impl SceneFormat {
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
 /// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
-    open_by(path, camera, thread::available_parallelism().map_or(1, usize::from))
+    open_by(path, camera, cores())
 }
 
 /// The same with that many threads, which share a large scene in the paper's format.

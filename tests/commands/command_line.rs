@@ -425,6 +425,12 @@ fn no_file_steers_the_terminal() {
         let output = place.command().args(["render", &name]).output().unwrap();
         assert!(!String::from_utf8_lossy(&output.stderr).contains(c), "{output:?}");
     }
+    // In JSON too, where the value is the name.
+    let name = "a\u{7f}\u{9b}\u{202e}\u{e0041}\u{e9}\n.in";
+    place.write(name, SCENE);
+    let output = String::from_utf8(place.command().args(["plan", name, "--json"]).output().unwrap().stdout).unwrap();
+    assert!(output.contains("a\\u007f\\u009b\\u202e\\udb40\\udc41\u{e9}\\n.in"), "{output}");
+    assert_eq!(serde_json::from_str::<Value>(&output).unwrap()["scene"], name);
     // A mesh gives its picture a name.
     place.write("a\u{1b}.obj", "v 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 2 3\n");
     place.command().args(["convert", "a\u{1b}.obj", "of_mesh.in"]).output().unwrap();
@@ -1184,6 +1190,17 @@ fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
 }
 
 // Large pictures, and ends before the end
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stack_of_64_kb_is_enough() {
+    let place = Place::new();
+    place.write("scene.in", SCENE);
+    for command in ["--version", "render scene.in -o a.exr --quiet", "convert scene.in a.toml", "man"] {
+        let output = place.shell(&format!("ulimit -s 64; rayo {command}"));
+        assert!(output.status.success() && output.stderr.is_empty(), "{command}: {output:?}");
+    }
+}
 
 #[cfg(target_os = "linux")]
 #[test]
