@@ -1,6 +1,6 @@
 //! `rayo`: the paper *Trazado de rayos vectorizado* in NASM, C and Rust, from a scene file to a picture.
 //!
-//! Without its default features it has scenes, the plan, engines and films; `asm`, `c`, `files`, `lab` and `cli` add the rest.
+//! Without default features it has scenes, the plan, engines and films; `asm`, `c`, `files`, `lab`, `cli` add the rest.
 //!
 //! A scene that is built in code, traced by the fastest engine that runs here:
 //!
