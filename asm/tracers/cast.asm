@@ -1,26 +1,24 @@
-; cast.asm - triangles as a light sees them: their bounds on a side of its cube, and planes that say what they hide.
+; cast.asm - triangles as a light sees them: their bounds on a side of its cube, and their edges there.
 ;
 ; unsafe extern "sysv64" fn(view: *const LightSideView, task: *const CastTask)
 ;
 ;   rayo_<isa>_cast
 ;
-;   Everything is in the axes of the side: across, down and depth. A cyclic change of axes changes no cross product. The
-;   plane through the light L and an edge is that through the edge's middle m with the normal (m - L) x (w - v): turned
-;   round, the edge has exactly the other side. The triangle's own plane is taken through its corner nearest to the
-;   camera, since the terms of a farther one would cancel.
+;   Everything is in the axes of the side: across, down and depth. A corner c is seen at (c - L) / depth, counted in
+;   cells. The edge from v to w is (w - v) x (P - v) = a x + b y + c, times the sign of the area, as in eq. 10, and c is
+;   greater by all that corners, P and the function in f32 may be rounded by: 8 slack and 16 roundings of the greatest
+;   coordinate, at least 4096, times the greatest difference of corners.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; r9 casters, r10 bounds of a block, r11 what is
-;               left of it; rbx, rcx, rdx coordinates of corners, across, down and depth, r12, r13, r14 of planes
-;   writes      casters and bounds of all triangles whose places are in the bounds, but for own; the bounds of one that
-;               crosses the plane of depth 0 meet everything, those of one beyond it nothing; casters' bound is no
-;               number where the side of the light is in doubt, or where the triangle is a sliver
+;   registers   rdi view, whose fields are the constants K; rsi task; r9 edges, r10 bounds of a block, r11 what is left
+;               of it; rbx, rcx, rdx coordinates of corners, across, down and depth
+;   writes      edges and bounds of all triangles whose places are in the bounds; the bounds of one that crosses the
+;               plane of depth 0 meet everything, those of one beyond it nothing
 ;   requires    the CPUID features of the ISA; bounds whose places are those of triangles or of faces with valid
 ;               vertices, 4 readable bytes after these
 ;   equals      kernels::portable::shadows::cast, to the last bit
 
 %assign CORNER_BYTES TriangleArrays_size / 5    ; three coordinates of a chunk
 %assign AXIS_BYTES TriangleArrays_size / 15
-%define PLANE_BYTES (ELEM * 4 * 16)
 
 ; PLACED_OBJECT - r = the address of the object whose place is the i-th from r8 on.
 ;
@@ -85,211 +83,177 @@
     VSUB    %%z, %%z, K(LightSideView.depth)
 %endmacro
 
-; STORE_PLANE - stores the coefficients of plane n in the axes of the casters.
+; STORE_SELECTED - stores v<n> as f32 where the mask is, and what is in v<other> elsewhere, which v<other> becomes.
+;
+;   instructions   sse41 6 (select, copy, narrow, store)   avx2, avx512 4
+%macro STORE_SELECTED 4
+%define %%m %1          ; [out]      address
+%define %%n %2          ; [in]       number of a register; clobbered without VEX
+%define %%other %3      ; [in/out]   number of a register
+%define %%t %4          ; [clobbered] number of a register
+    VSELECT v%[%%other], v%[%%n]
+    VMOV    v%[%%t], v%[%%other]
+    NARROW  %%t
+    STORE_NUMBERS %%m, %%t
+%endmacro
+
+; PLACE_IN_CELLS - v<n> = v<n> over depth, counted in cells, where 1 over that is in v12.
 ;
 ;   instructions   3
-%macro STORE_PLANE 4
-%define %%x %1          ; [in]       vreg
-%define %%y %2          ; [in]       vreg
-%define %%z %3          ; [in]       vreg
-%define %%n %4          ; [in]       0 to 2, edges, or 3, the triangle's own
-    VMOV_TO [r12 + PLANE_BYTES * %%n], %%x
-    VMOV_TO [r13 + PLANE_BYTES * %%n], %%y
-    VMOV_TO [r14 + PLANE_BYTES * %%n], %%z
-%endmacro
-
-; STORE_BOUND - stores v<n> as f32 in a field of the bounds at r10, or `beyond` in the lanes that are not in the mask:
-;               where a triangle crosses depth 0.
-%macro STORE_BOUND 3
-%define %%n %1          ; [clobbered] number of a register
-%define %%field %2      ; [in]       of CasterBounds
-%define %%beyond %3     ; [clobbered] number of a register
-    VSELECT v%[%%beyond], v%[%%n]
-    NARROW  %%beyond
-    STORE_NUMBERS r10 + %%field, %%beyond
-%endmacro
-
-; PLACE_IN_CELLS - v<n> = v<n> counted in cells, wider by slack: low ones are negated.
-;
-;   equals        kernels::portable::shadows::bounds_of
-%macro PLACE_IN_CELLS 3
+;   equals        kernels::portable::shadows::cast
+%macro PLACE_IN_CELLS 2
 %define %%n %1          ; [in/out]   number of a register
 %define %%axis %2       ; [in]       x or y
-%define %%is_low %3     ; [in]       1 or 0
-%if %%is_low
-    VSUB    v%[%%n], v%[%%n], [PACKET(slack)]
-%else
-    VADD    v%[%%n], v%[%%n], [PACKET(slack)]
-%endif
+    VMUL    v%[%%n], v%[%%n], v12
     VSUB    v%[%%n], v%[%%n], K(LightSideView.low_%+ %%axis)
     VMUL    v%[%%n], v%[%%n], K(LightSideView.scale_%+ %%axis)
-%if %%is_low
-    VXOR    v%[%%n], v%[%%n], [PACKET(sign)]
-%endif
 %endmacro
 
-; BOUNDS_OF_CASTERS - stores the bounds of a packet of triangles. Clobbers v0 to v13.
+; LEAST_AND_MOST - least and most of three. Clobbers nothing else.
 ;
-;   equals        kernels::portable::shadows::bounds_of
+;   instructions   4   sse41 6
+;   equals        kernels::portable::shadows::least_and_most
+%macro LEAST_AND_MOST 5
+%define %%least %1      ; [out]      vreg
+%define %%most %2       ; [out]      vreg
+%define %%a %3          ; [in]       vreg
+%define %%b %4          ; [in]       vreg
+%define %%c %5          ; [in]       vreg
+    VMIN    %%least, %%a, %%b
+    VMIN    %%least, %%least, %%c
+    VMAX    %%most, %%a, %%b
+    VMAX    %%most, %%most, %%c
+%endmacro
+
+; BOUNDS_OF_CASTERS - stores the bounds of a packet of triangles. v0 to v5 = its corners in cells, x and y in turn, v8
+;                     v9 v10 = the ends x, past_x and y as stored, v11 = the rounding of edges, v6 = the least depth.
+;                     Clobbers v7 and v12 to v14.
+;
+;   equals        kernels::portable::shadows::cast
 %macro BOUNDS_OF_CASTERS 0
 %assign %%n 0
 %rep 3
-    CORNER  v0, v1, v2, %%n
-    FROM_LIGHT v0, v1, v2
-    VMUL    v2, v2, K(LightSideView.sign)
-    VMOV    v3, [PACKET(ones)]
-    VDIV    v3, v3, v2
-    VMUL    v0, v0, v3
-    VMUL    v1, v1, v3
+%assign %%x 2 * %%n
+%assign %%y 2 * %%n + 1
+    CORNER  v%[%%x], v%[%%y], v14, %%n
+    FROM_LIGHT v%[%%x], v%[%%y], v14
+    VMUL    v14, v14, K(LightSideView.sign)
+    VMOV    v12, [PACKET(ones)]
+    VDIV    v12, v12, v14
+    PLACE_IN_CELLS %%x, x
+    PLACE_IN_CELLS %%y, y
 %if %%n == 0
-    VMOV    v8, v0
-    VMOV    v9, v0
-    VMOV    v10, v1
-    VMOV    v11, v1
-    VMOV    v12, v2
-    VMOV    v13, v2
+    VMOV    v6, v14
+    VMOV    v7, v14
 %else
-    VMIN    v8, v8, v0
-    VMAX    v9, v9, v0
-    VMIN    v10, v10, v1
-    VMAX    v11, v11, v1
-    VMIN    v12, v12, v2
-    VMAX    v13, v13, v2
+    VMIN    v6, v6, v14
+    VMAX    v7, v7, v14
 %endif
 %assign %%n %%n + 1
 %endrep
-    PLACE_IN_CELLS 8, x, 1
-    PLACE_IN_CELLS 9, x, 0
-    PLACE_IN_CELLS 10, y, 1
-    PLACE_IN_CELLS 11, y, 0
-    MASK_GREATER v12, [PACKET(zeros)]
-    VMUL    v12, v12, [PACKET(depth_slack)]
+    LEAST_AND_MOST v8, v9, v0, v2, v4
+    LEAST_AND_MOST v10, v11, v1, v3, v5
+    VSUB    v12, v9, v8
+    VSUB    v13, v11, v10
+    VMAX    v12, v12, v13               ; the greater extent
+    VABS    v13, v8
+    VABS    v14, v9
+    VMAX    v13, v13, v14
+    VABS    v14, v10
+    VMAX    v13, v13, v14
+    VABS    v14, v11
+    VMAX    v13, v13, v14
+    VMAX    v13, v13, [PACKET(cells)]   ; the greatest coordinate
+    VMUL    v13, v13, [PACKET(rounded)]
+    KLOAD   v14, LightSideView.slack
+    VSUB    v8, v8, v14
+    VADD    v9, v9, v14
+    VSUB    v10, v10, v14
+    VADD    v11, v11, v14
+    VADD    v14, v14, v14
+    VADD    v14, v14, v14
+    VADD    v14, v14, v14
+    VADD    v13, v13, v14
+    VMUL    v13, v13, v12
+    VADD    v13, v13, [PACKET(least)]
+    VXOR    v8, v8, [PACKET(sign)]
+    VXOR    v10, v10, [PACKET(sign)]
+    MASK_GREATER v6, [PACKET(zeros)]    ; in front of the light
+    VMUL    v12, v6, [PACKET(depth_slack)]
     VXOR    v12, v12, [PACKET(sign)]
-    VMOV    v0, [PACKET(zeros)]
-    STORE_BOUND 12, CasterBounds.depth, 0
-    VMOV    v0, [PACKET(infinite)]
-    STORE_BOUND 9, CasterBounds.past_x, 0
-    VMOV    v0, [PACKET(infinite)]
-    STORE_BOUND 10, CasterBounds.y, 0
-    VMOV    v0, [PACKET(infinite)]
-    STORE_BOUND 11, CasterBounds.past_y, 0
-    VMOV    v1, [PACKET(infinite)]
-    VSELECT v1, v8
-    MASK_GREATER v13, [PACKET(zeros)]
-    VMOV    v0, [PACKET(no_number)]
-    STORE_BOUND 1, CasterBounds.x, 0
+    VZERO   v14
+    STORE_SELECTED r10 + CasterBounds.depth, 12, 14, 12
+    VMOV    v14, [PACKET(infinite)]
+    STORE_SELECTED r10 + CasterBounds.past_y, 11, 14, 12
+    VMOV    v11, v13
+    VMOV    v14, [PACKET(infinite)]
+    STORE_SELECTED r10 + CasterBounds.past_x, 9, 14, 12
+    VMOV    v9, v14
+    VMOV    v14, [PACKET(infinite)]
+    STORE_SELECTED r10 + CasterBounds.y, 10, 14, 12
+    VMOV    v10, v14
+    VMOV    v14, [PACKET(infinite)]
+    VSELECT v14, v8
+    VMOV    v8, [PACKET(no_number)]
+    MASK_GREATER v7, [PACKET(zeros)]
+    STORE_SELECTED r10 + CasterBounds.x, 14, 8, 12
 %endmacro
 
-; OF_MAGNITUDES - d = the greatest (VMAX) or the sum (VADD) of the magnitudes of the coordinates of a. Clobbers t.
-;
-;   instructions   sse41 8   avx2, avx512 5
-%macro OF_MAGNITUDES 6
-%define %%op %1         ; [in]       VMAX or VADD
-%define %%d %2          ; [out]      vreg
-%define %%x %3          ; [in]       vreg
-%define %%y %4          ; [in]       vreg
-%define %%z %5          ; [in]       vreg
-%define %%t %6          ; [clobbered] vreg
-    VABS    %%d, %%x
-    VABS    %%t, %%y
-    %%op    %%d, %%d, %%t
-    VABS    %%t, %%z
-    %%op    %%d, %%d, %%t
-%endmacro
-
-; NEARER - v0 v1 v2 and v8, its greatest magnitude, become those of a corner if that is nearer to the camera. Clobbers
-;          v9 to v14.
-%macro NEARER 1
-%define %%n %1          ; [in]       1 or 2
-    CORNER  v9, v10, v11, %%n
-    OF_MAGNITUDES VMAX, v13, v9, v10, v11, v14
-    MASK_GREATER v8, v13
-    VSELECT v0, v9
-    VSELECT v1, v10
-    VSELECT v2, v11
-    VSELECT v8, v13
-%endmacro
-
-; CASTER_EDGE - stores the plane through the light and an edge, with the sign of the side in v12. Clobbers all others.
-;
-;   equals        kernels::portable::shadows::planes
-%macro CASTER_EDGE 3
-%define %%n %1          ; [in]       0, 1 or 2
-%define %%v %2          ; [in]       the corner where it begins
-%define %%w %3          ; [in]       where it ends
-    CORNER  v0, v1, v2, %%v
-    CORNER  v3, v4, v5, %%w
-    SUB3    v9, v10, v11, v3, v4, v5, v0, v1, v2
-    VADD    v6, v0, v3
-    VADD    v7, v1, v4
-    VADD    v8, v2, v5
-    VMUL    v6, v6, [PACKET(halves)]
-    VMUL    v7, v7, [PACKET(halves)]
-    VMUL    v8, v8, [PACKET(halves)]    ; m
-    VMOV    v0, v6
-    VMOV    v1, v7
-    VMOV    v2, v8
-    FROM_LIGHT v0, v1, v2
-    CROSS3_UNFUSED v3, v4, v5, v0, v1, v2, v9, v10, v11, v13
-    VXOR    v3, v3, v12
-    VXOR    v4, v4, v12
-    VXOR    v5, v5, v12
-    STORE_PLANE v3, v4, v5, %%n
-    DOT3_UNFUSED v0, v3, v4, v5, v6, v7, v8, v1, v2
-    VXOR    v0, v0, [PACKET(sign)]
-    VMOV_TO [r9 + PLANE_BYTES * (%%n + 1) - ELEM * 16], v0
-%endmacro
-
-; PLANES_OF_CASTERS - stores the planes of a packet of triangles. Clobbers all registers.
+; EDGE_OF_TRIANGLE - stores the edge from corner v to w, with the sign in v7 and the rounding in v11; where the mask is
+;                    not, an end of the bounds. Clobbers v6, v12 to v14.
 ;
 ;   equals        kernels::portable::shadows::cast
-%macro PLANES_OF_CASTERS 0
-    CORNER  v0, v1, v2, 0
-    CORNER  v3, v4, v5, 1
-    CORNER  v6, v7, v8, 2
-    SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
-    SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
-    OF_MAGNITUDES VMAX, v7, v9, v10, v11, v6
-    OF_MAGNITUDES VMAX, v8, v12, v13, v14, v6
-    VMUL    v7, v7, v8
-    VMUL    v8, v7, [PACKET(sliver)]
-    CROSS3_UNFUSED v3, v4, v5, v9, v10, v11, v12, v13, v14, v6
-    OF_MAGNITUDES VMAX, v7, v3, v4, v5, v6
-    MASK_GREATER v7, v8                 ; no sliver
-    VMOV    v9, v0
-    VMOV    v10, v1
-    VMOV    v11, v2
-    FROM_LIGHT v9, v10, v11
-    DOT3_UNFUSED v12, v9, v10, v11, v3, v4, v5, v13, v14
-    OF_MAGNITUDES VADD, v6, v9, v10, v11, v14
-    VMUL    v6, v6, v7
-    VMUL    v6, v6, [PACKET(plain)]
-    VABS    v14, v12
-    MASK_AND_GREATER v14, v6, v13       ; no doubt
-    VMUL    v7, v7, [PACKET(slack)]
-    VMOV    v6, v7
-    VMOV    v14, [PACKET(no_number)]
-    VSELECT v14, v6
-    VMOV_TO [r9 + ELEM * TriangleCasters.bound], v14
-    VAND    v12, v12, [PACKET(sign)]
-    VMOV_TO [SCRATCH], v12
-    VXOR    v12, v12, [PACKET(sign)]
-    VXOR    v3, v3, v12
-    VXOR    v4, v4, v12
-    VXOR    v5, v5, v12
-    STORE_PLANE v3, v4, v5, 3
-    OF_MAGNITUDES VMAX, v8, v0, v1, v2, v14
-    NEARER  1
-    NEARER  2
-    OF_MAGNITUDES VADD, v9, v0, v1, v2, v14
-    VMUL    v9, v9, v7
-    DOT3_UNFUSED v10, v3, v4, v5, v0, v1, v2, v11, v13
-    VSUB    v9, v9, v10
-    VMOV_TO [r9 + ELEM * TriangleCasters.p0], v9
-    VMOV    v12, [SCRATCH]
-    CASTER_EDGE 0, 0, 1
-    CASTER_EDGE 1, 1, 2
-    CASTER_EDGE 2, 2, 0
+%macro EDGE_OF_TRIANGLE 6
+%define %%n %1          ; [in]       1, 2 or 3
+%define %%v %2          ; [in]       0, 1 or 2
+%define %%w %3          ; [in]       0, 1 or 2
+%define %%a %4          ; [in]       elsewhere: a constant of packets,
+%define %%b %5          ; [in]       another,
+%define %%c %6          ; [in]       and the number of a register, which is clobbered
+%assign %%xv 2 * %%v
+%assign %%yv 2 * %%v + 1
+%assign %%xw 2 * %%w
+%assign %%yw 2 * %%w + 1
+    VSUB    v12, v%[%%yv], v%[%%yw]
+    VXOR    v12, v12, v7
+    VMUL    v13, v12, v%[%%xv]
+    VMOV    v14, [PACKET(%%a)]
+    STORE_SELECTED r9 + CasterEdges.a%[%%n], 12, 14, 6
+    VSUB    v12, v%[%%xw], v%[%%xv]
+    VXOR    v12, v12, v7
+    VMUL    v6, v12, v%[%%yv]
+    VADD    v13, v13, v6
+    VMOV    v14, [PACKET(%%b)]
+    STORE_SELECTED r9 + CasterEdges.b%[%%n], 12, 14, 6
+    VMOV    v12, v11
+    VSUB    v12, v12, v13
+    STORE_SELECTED r9 + CasterEdges.c%[%%n], 12, %%c, 6
+%endmacro
+
+; EDGES_OF_CASTERS - stores the edges of a packet of triangles from what BOUNDS_OF_CASTERS leaves. Clobbers all
+;                    registers.
+;
+;   Edge functions have the sign of the area. Where that is in doubt, or numbers are too large for f32, three ends of
+;   the bounds are edges.
+;
+;   equals        kernels::portable::shadows::cast
+%macro EDGES_OF_CASTERS 0
+    VSUB    v7, v2, v0
+    VSUB    v12, v5, v1
+    VMUL    v7, v7, v12
+    VSUB    v12, v3, v1
+    VSUB    v13, v4, v0
+    VMUL    v12, v12, v13
+    VSUB    v7, v7, v12
+    VABS    v12, v7
+    VZERO   v13
+    MASK_GREATER v12, v11
+    MASK_AND_GREATER v6, v13, v14
+    MASK_AND_LESS v11, [PACKET(plain)], v14
+    VAND    v7, v7, [PACKET(sign)]
+    EDGE_OF_TRIANGLE 1, 0, 1, ones, zeros, 8
+    EDGE_OF_TRIANGLE 2, 1, 2, minus_ones, zeros, 9
+    EDGE_OF_TRIANGLE 3, 2, 0, zeros, ones, 10
 %endmacro
 
 ; AXES - three registers = the addresses of coordinates, from that of the first axis on, in the order of the side.
@@ -314,7 +278,7 @@
 FUNC ISA %+ _cast
     PUSH_OWNED
     CONSTANTS LightSideView_size
-    mov     r9, [rsi + CastTask.casters]
+    mov     r9, [rsi + CastTask.edges]
     mov     r10, [rsi + CastTask.bounds]
 .block:
     cmp     qword [rsi + CastTask.vertices], 0
@@ -324,24 +288,26 @@ FUNC ISA %+ _cast
 .faces:
     TRANSPOSE_PLACED FACE_BYTES
 .transposed:
+%assign %%at 0
+%rep 64 / VBYTES
+    VMOV    v0, [r10 + CasterBounds.own + %%at]
+    VMOV_TO [r9 + CasterEdges.own + %%at], v0
+%assign %%at %%at + VBYTES
+%endrep
     mov     r8, [rsi + CastTask.arrays]
     AXES    rbx, rcx, rdx, r8, AXIS_BYTES
-    AXES    r12, r13, r14, r9, ELEM * 16
     mov     r11d, 16 / LANES
 .packet:
     BOUNDS_OF_CASTERS
-    PLANES_OF_CASTERS
+    EDGES_OF_CASTERS
     add     rbx, 4 * LANES
     add     rcx, 4 * LANES
     add     rdx, 4 * LANES
-    add     r12, VBYTES
-    add     r13, VBYTES
-    add     r14, VBYTES
-    add     r9, VBYTES
+    add     r9, 4 * LANES
     add     r10, 4 * LANES
     dec     r11d
     jnz     .packet
-    add     r9, ELEM * TriangleCasters_size - ELEM * 16
+    add     r9, CasterEdges_size - 4 * 16
     add     r10, CasterBounds_size - 4 * 16
     cmp     r10, [rsi + CastTask.bounds_end]
     jb      .block

@@ -17,10 +17,10 @@
 ;   objects     *const PointObject, by id
 ;   points      *mut TilePoints
 ;
-;   registers   rdi view, rsi who, r8 objects, r10 their second halves, r11 an object's offset, r9 points, edx blocks
-;               left in a row, ecx rows of blocks left; v0 the columns and v10 the rows of pixels' centres in the
-;               picture, number + 1/2; v2 and v1 those of the first block of a row; v3 v4 v5 the vector c, v12 v13 the
-;               ray, v15 h, v6 D
+;   registers   rdi view, rsi who, r8 objects, r10 their second halves, r9 points, r11 whose they are, edx blocks left
+;               in a row, ecx rows of blocks left; v0 the columns and v10 the rows of pixels' centres in the picture,
+;               number + 1/2; v2 and v1 those of the first block of a row; v3 v4 v5 the vector c, v12 v13 the ray,
+;               v15 h, v6 D
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written, ids below the objects'
 ;   equals      kernels::portable::shadows::points
 
@@ -31,6 +31,7 @@
 FUNC ISA %+ _ %+ %%precision %+ _points
     CONSTANTS PointView_size
     lea     r10, [r8 + 4 * ELEM]
+    lea     r11, [r9 + TilePoints.own]
     EACH_PIXEL %%in
 %assign %%part 0
 %rep PARTS
@@ -46,24 +47,25 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     IOP     pslld, w6, w6, ilog2e(ELEM * PointObject_size)
     cmp     eax, (1 << LANES) - 1
     jne     .different%[%%part]
-    VEX(movd) r11d, x6
-    VSPREAD v3, [r8 + r11 + ELEM * PointObject.x]
-    VSPREAD v4, [r8 + r11 + ELEM * PointObject.y]
-    VSPREAD v5, [r8 + r11 + ELEM * PointObject.z]
-    VSPREAD v6, [r8 + r11 + ELEM * PointObject.a]
-    VSPREAD v7, [r8 + r11 + ELEM * PointObject.b]
-    VSPREAD v8, [r8 + r11 + ELEM * PointObject.e]
-    VSPREAD v9, [r8 + r11 + ELEM * PointObject.w]
-    VSPREAD v11, [r8 + r11 + ELEM * PointObject.own]
+    VEX(movd) eax, x6
+    VSPREAD v3, [r8 + rax + ELEM * PointObject.x]
+    VSPREAD v4, [r8 + rax + ELEM * PointObject.y]
+    VSPREAD v5, [r8 + rax + ELEM * PointObject.z]
+    VSPREAD v6, [r8 + rax + ELEM * PointObject.a]
+    VSPREAD v7, [r8 + rax + ELEM * PointObject.b]
+    VSPREAD v8, [r8 + rax + ELEM * PointObject.e]
+    VSPREAD v9, [r8 + rax + ELEM * PointObject.w]
+    VSPREAD v11, [r8 + rax + ELEM * PointObject.own]
     jmp     .loaded%[%%part]
 .different%[%%part]:
     STORE_NUMBERS SCRATCH, 6
     GATHER4 3, 4, 5, 6, 7, 8, 9, r8, SCRATCH, ax
     GATHER4 7, 8, 9, 11, 12, 13, 14, r10, SCRATCH, ax
 .loaded%[%%part]:
-    VSTORE  [r9 + ELEM * TilePoints.own], v11
     MASK_NOT_LESS v11, [PACKET(zeros)]
     MASK_BITS eax
+    NARROW  11
+    STORE_NUMBERS r11, 11
     VMOV    v12, [PACKET(no_number)]
     VMOV    v13, v12
     VMOV    v15, v12
@@ -123,11 +125,12 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     VMUL    v6, v6, K(PointView.focal)
     VMOV    v15, v6
 .nowhere%[%%part]:
-    VSTORE  [r9 + ELEM * TilePoints.x], v12
-    VSTORE  [r9 + ELEM * TilePoints.y], v13
-    VSTORE  [r9 + ELEM * TilePoints.z], v15
+    VSTORE  [r9 + TilePoints.x], v12
+    VSTORE  [r9 + TilePoints.y], v13
+    VSTORE  [r9 + TilePoints.z], v15
     add     rsi, %%in * LANES
     add     r9, VBYTES
+    add     r11, 4 * LANES
 %assign %%part %%part + 1
     NEXT_PART
 %endrep

@@ -4,15 +4,18 @@
 ; at x / z and y / z, counted in cells. All ends are least values: greatest ones are negated. Rounding them to f32 keeps
 ; their order, so that they may be compared with those of objects.
 ;
-; unsafe extern "sysv64" fn(view: *const LightSideView, across, down, depth, groups: *mut LitGroups)
+; unsafe extern "sysv64" fn(view: *const LightSideView, across, down, depth, groups: *mut LitGroups, seen)
 ;
 ;   rayo_<isa>_seen
 ;
 ;   across, down, depth   *const f64: coordinates of the points of a tile, aligned to 64 bytes
+;   seen                  *mut f32: TilePoints.seen
 ;
-;   registers   rdi view, whose fields are the constants K; rsi across, rdx down, rcx depth, r8 groups, eax groups left,
-;               r10d whether a point is on the side; v0 v1 v2 points, v8 to v12 the least of a group so far
-;   writes      x, y, past_x, past_y and depth: infinity where no point of a group is on the side, or none is open
+;   registers   rdi view, whose fields are the constants K; rsi across, rdx down, rcx depth, r8 groups, r9 seen, eax
+;               groups left, r10d whether a point is on the side, r11d those of a register; v0 v1 v2 points, v8 to v12
+;               the least of a group so far
+;   writes      x, y, past_x, past_y and depth: infinity where no point of a group is on the side, or none is open; and
+;               seen of groups with open points
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      kernels::portable::shadows::seen
 
@@ -66,11 +69,11 @@ align 16
     MASK_GREATER v3, v4
     VABS    v4, v1
     MASK_AND_GREATER v3, v4, v5
-    MASK_BITS r9d
-    or      r10d, r9d
-    test    r9d, r9d
-    jz      .beside%[%%at]
+    MASK_BITS r11d
+    or      r10d, r11d
+    test    r11d, r11d
     VMOV    v4, [PACKET(no_number)]
+    jz      .beside%[%%at]
     VMOV    v5, v2
     VSELECT v4, v5                      ; no numbers are beside the side
     VMOV    v3, [PACKET(ones)]
@@ -81,6 +84,12 @@ align 16
     VMUL    v1, v1, v3
     VSUB    v1, v1, K(LightSideView.low_y)
     VMUL    v1, v1, K(LightSideView.scale_y)
+    VMOV    v3, v0
+    NARROW  3
+    STORE_NUMBERS r9 + 4 * %%at, 3
+    VMOV    v3, v1
+    NARROW  3
+    STORE_NUMBERS r9 + 4 * %%at + 4 * TILE_WIDTH * TILE_HEIGHT, 3
     VXOR    v3, v0, [PACKET(sign)]
     LEAST_SO_FAR v8, v3
     VXOR    v3, v1, [PACKET(sign)]
@@ -89,7 +98,12 @@ align 16
     LEAST_SO_FAR v11, v1
     VXOR    v4, v4, [PACKET(sign)]
     LEAST_SO_FAR v12, v4
+    jmp     .done%[%%at]
 .beside%[%%at]:
+    NARROW  4
+    STORE_NUMBERS r9 + 4 * %%at, 4
+    STORE_NUMBERS r9 + 4 * %%at + 4 * TILE_WIDTH * TILE_HEIGHT, 4
+.done%[%%at]:
 %assign %%at %%at + LANES
 %endrep
     test    r10d, r10d
@@ -111,6 +125,7 @@ align 16
     add     rdx, ELEM * GROUP
     add     rcx, ELEM * GROUP
     add     r8, 4
+    add     r9, 4 * GROUP
     dec     eax
     jnz     .group
     UNCONSTANTS

@@ -7,10 +7,10 @@ use super::kernel::kernel;
 use super::packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
 use super::records::{
-    Element, ObjectLight, Sphere, SphereCasters, SphereHit, SpherePlanes, Triangle, TriangleCasters, TriangleHit,
+    Element, ObjectLight, Sphere, SphereCaster, SphereHit, SpherePlanes, Triangle, TriangleCaster, TriangleHit,
     TrianglePlanes,
 };
-use super::shadows::{Cast, Casters, Points, Seen};
+use super::shadows::{Cast, Casters, Meet, Points, Seen};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -149,10 +149,12 @@ tables! { $
         seen: Seen = "seen";
         /// How it sees triangles.
         cast: Cast = "cast";
+        /// Which objects may hide it from points.
+        meet: Meet = "meet";
         /// Which points triangles hide from it.
-        triangle_casters: Casters<TriangleCasters<f64>> = "triangle_casters";
+        triangle_casters: Casters<TriangleCaster<f64>> = "triangle_casters";
         /// Which points spheres hide from it.
-        sphere_casters: Casters<SphereCasters<f64>> = "sphere_casters";
+        sphere_casters: Casters<SphereCaster<f64>> = "sphere_casters";
     }
 }
 

@@ -56,13 +56,15 @@ pub use records::{
     PointObject, PointView, ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint,
     TileRays, TileShade, TileSphere, TileView, Triangle, TriangleHit,
 };
-pub use records::{GROUP, LightSideView, LitGroups, MOST_CASTERS, SphereCasters, TilePoints, TriangleCasters};
+pub use records::{
+    GROUP, LightSideView, LitGroups, MOST_CASTERS, SphereCaster, TILE_PIXELS, TilePoints, TriangleCaster,
+};
 pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
-pub use shadows::{Cast, Caster, CasterList, Casters, Extent, FAR_BESIDE_NEAR, LitPoints, Points, Seen, own_bits};
+pub use shadows::{Cast, CasterList, Casters, Extent, LitPoints, Meet, Points, Seen, own_bits, own_number};
 pub use tiles::{
     Around, Bounded, Bounds, Extremes, Farthest, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
-    ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TILE_PIXELS, TileBuffers,
-    TileGrid, TileOut, TileWindow, TriangleChunk, Visible,
+    ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TileBuffers, TileGrid, TileOut,
+    TileWindow, TriangleChunk, Visible,
 };
 pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, bytes};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};

@@ -16,11 +16,11 @@ use lanes::{Lanes, Number, Packet};
 use super::ffi::{ElementKernels, LitBodies, PacketKernels, TileKernels};
 use super::packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::records::{
-    Element as _, Sphere, SphereCasters, SpherePlanes, TileSphere, Triangle, TriangleCasters, TrianglePlanes,
+    Element as _, Sphere, SphereCaster, SpherePlanes, TileSphere, Triangle, TriangleCaster, TrianglePlanes,
 };
 #[cfg(feature = "lab")]
 use super::records::{LitRows, LitSphere};
-use super::shadows::{Cast, Casters, Points, Seen};
+use super::shadows::{Cast, Casters, Meet, Points, Seen};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -59,11 +59,12 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
         visible: Visible::in_rust(nearest::visible, "visible"),
         seen: Seen::in_rust(shadows::seen::<Packet<f64, HALF, FUSED>>, "seen"),
         cast: Cast::in_rust(shadows::cast::<Packet<f64, HALF, FUSED>>, "cast"),
-        triangle_casters: Casters::<TriangleCasters<f64>>::in_rust(
+        meet: Meet::in_rust(shadows::meet::<Packet<f32, N, FUSED>>, "meet"),
+        triangle_casters: Casters::<TriangleCaster<f64>>::in_rust(
             shadows::open::<Packet<f64, HALF, FUSED>, _>,
             "triangle_casters",
         ),
-        sphere_casters: Casters::<SphereCasters<f64>>::in_rust(
+        sphere_casters: Casters::<SphereCaster<f64>>::in_rust(
             shadows::open::<Packet<f64, HALF, FUSED>, _>,
             "sphere_casters",
         ),

@@ -125,6 +125,33 @@ macro_rules! layout_checks {
 
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));
 
+pub const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
+
+/// What is visible at the pixels of a tile, in its blocks' order.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct TilePoints {
+    /// The point.
+    pub x: [f64; TILE_PIXELS],
+    pub y: [f64; TILE_PIXELS],
+    pub z: [f64; TILE_PIXELS],
+    /// The [number](super::shadows::own_number) of its object; below 0: of none.
+    pub own: [f32; TILE_PIXELS],
+    /// Where a light sees it, x and y, in cells of a side of its cube; no numbers beside that.
+    pub seen: [[f32; TILE_PIXELS]; 2],
+}
+
+// SAFETY: nothing but numbers, which fill it, as the offsets asserted show.
+unsafe impl Plain for TilePoints {
+    const ZERO: Self = TilePoints {
+        x: [0.0; TILE_PIXELS],
+        y: [0.0; TILE_PIXELS],
+        z: [0.0; TILE_PIXELS],
+        own: [0.0; TILE_PIXELS],
+        seen: [[0.0; TILE_PIXELS]; 2],
+    };
+}
+
 /// A flat triangle, seen from both sides: as a scene holds it, where set-up reads it in place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]

@@ -1,38 +1,25 @@
 //! The arguments of the kernels of shadows: the visible points of a tile, and the objects that may hide a light from them.
 
+use std::fmt::{Debug, Formatter, Result};
+
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::objects::{ObjectList as _, TriangleList};
 use super::records::{
-    CastTask, CasterBounds, CastersTask, Element, LightSideView, LitGroups, MOST_CASTERS, PointObject, PointView,
-    SphereCasters, TilePoints, TriangleArrays, TriangleCasters,
+    CastTask, CasterBounds, CasterEdges, CastersTask, Element, GROUP, LightSideView, LitGroups, MOST_CASTERS, MeetTask,
+    PointObject, PointView, TILE_PIXELS, TilePoints, TriangleArrays,
 };
-use super::tiles::{TILE_PIXELS, TileBuffers};
+use super::tiles::TileBuffers;
 use super::types::Plain;
-
-/// A block of objects that may hide a light.
-pub trait Caster: Plain {
-    /// Their places in the scene.
-    fn own(&mut self) -> &mut [f64; BLOCK];
-}
-
-impl Caster for TriangleCasters<f64> {
-    fn own(&mut self) -> &mut [f64; BLOCK] {
-        &mut self.own
-    }
-}
-
-impl Caster for SphereCasters<f64> {
-    fn own(&mut self) -> &mut [f64; BLOCK] {
-        &mut self.own
-    }
-}
 
 /// The objects of a block.
 pub(super) const BLOCK: usize = 16;
 
+/// The groups of a tile.
+pub(super) const GROUPS: usize = TILE_PIXELS / GROUP;
+
 kinds! {
     /// Computes what is visible at the pixels of a tile.
-    Points<E: Element> as fn(&PointView<f64>, &[E; TILE_PIXELS], [u32; 2], &[PointObject<f64>], &mut TilePoints<f64>);
+    Points<E: Element> as fn(&PointView<f64>, &[E; TILE_PIXELS], [u32; 2], &[PointObject<f64>], &mut TilePoints);
 
     /// Sets the points of a tile, whose first pixel is in this column and row of the picture. `objects` has those of the tile
     /// by their ids, from 0 on.
@@ -41,7 +28,7 @@ kinds! {
     /// If it has not all.
     fn call(
         view: &PointView<f64>, buffers: &TileBuffers<E>, first: [u32; 2], objects: &[PointObject<f64>],
-        points: &mut TilePoints<f64>,
+        points: &mut TilePoints,
     ); |way| {
         let who = buffers.who(objects.len());
         let [column, row] = first;
@@ -55,49 +42,55 @@ kinds! {
     }
 
     /// Finds how a light sees the points of a tile.
-    Seen as fn(&LightSideView<f64>, [&[f64; TILE_PIXELS]; 3], &mut LitGroups);
+    Seen as fn(&LightSideView<f64>, [&[f64; TILE_PIXELS]; 3], &mut LitGroups, &mut [[f32; TILE_PIXELS]; 2]);
 
-    /// Sets the bounds of the groups that are open; `axis` says which coordinate is the depth, 0 to 2.
-    fn call(view: &LightSideView<f64>, points: &TilePoints<f64>, axis: usize, groups: &mut LitGroups); |way| {
+    /// Sets where the points of the groups that are open are seen, and the bounds of these; `axis` says which coordinate is the
+    /// depth, 0 to 2.
+    fn call(view: &LightSideView<f64>, points: &mut TilePoints, axis: usize, groups: &mut LitGroups); |way| {
         // Fields of the record, which is aligned.
-        let axes = axes(axis).map(|axis| [&points.x, &points.y, &points.z][axis]);
+        let TilePoints { x, y, z, seen, .. } = points;
+        let axes = axes(axis).map(|axis| [&*x, &*y, &*z][axis]);
         match way {
             Way::Code(enter) => {
                 let [across, down, depth] = axes.map(|axis| reads(axis));
-                enter([reads(view), across, down, depth, writes(groups), 0]);
+                enter([reads(view), across, down, depth, writes(groups), writes(seen)]);
             }
-            Way::Rust(see) => see(view, axes, groups),
+            Way::Rust(see) => see(view, axes, groups, seen),
         }
     }
 
     /// Computes how a light sees triangles.
-    Cast as fn(&LightSideView<f64>, [usize; 3], TriangleList<'_>, u32, &mut CasterList<TriangleCasters<f64>>);
+    Cast as fn(&LightSideView<f64>, [usize; 3], TriangleList<'_>, u32, &mut CasterList);
 
-    /// Sets the planes and the bounds of triangles that are in a list by their places in the scene, where those of
-    /// `triangles` begin with `first`; `axis` says which coordinate is the depth, 0 to 2. None of those is visible whose bound
-    /// is no number: they are to be [set alone](CasterList::set_planes).
+    /// Sets the bounds and the edges of triangles that are in a list by their places in the scene, where those of `triangles`
+    /// begin with `first`; `axis` says which coordinate is the depth, 0 to 2.
     ///
     /// # Panics
     /// If one is not among `triangles`.
     fn call(
         view: &LightSideView<f64>, axis: usize, triangles: TriangleList<'_>, first: u32, arrays: &mut TriangleArrays,
-        casters: &mut CasterList<TriangleCasters<f64>>,
+        casters: &mut CasterList,
     ); |way| {
         let (axes, places) = (axes(axis), own_bits(first)..own_bits(first + triangles.len() as u32));
-        assert!(casters.bounds.iter().flat_map(|bounds| &bounds.own).all(|own| places.contains(own)), "triangles of a list");
+        let bounds = &mut casters.bounds[..casters.count.div_ceil(BLOCK)];
+        assert!(bounds.iter().flat_map(|bounds| &bounds.own).all(|own| places.contains(own)), "triangles of a list");
         if casters.count == 0 {
             return;
+        }
+        casters.have_edges = true;
+        if casters.edges.len() < bounds.len() {
+            casters.edges.resize(bounds.len(), CasterEdges::ZERO);
         }
         match way {
             Way::Code(enter) => {
                 let [objects, vertices] = triangles.addresses();
-                let bounds = casters.bounds.as_mut_ptr_range();
+                let bounds = bounds.as_mut_ptr_range();
                 let task = CastTask {
                     objects,
                     vertices,
                     first_own: places.start.into(),
                     arrays: writes(arrays),
-                    casters: writes(&mut *casters.casters),
+                    edges: writes(&mut *casters.edges),
                     bounds: bounds.start as u64,
                     bounds_end: bounds.end as u64,
                     across: axes[0] as u64,
@@ -109,16 +102,53 @@ kinds! {
             Way::Rust(cast) => cast(view, axes, triangles, first, casters),
         }
         // The last block is filled up with its first one.
-        let last = casters.bounds.len() - 1;
+        let last = casters.block_count() - 1;
         casters.bounds[last].x[(casters.count - 1) % BLOCK + 1..].fill(NOWHERE);
     }
 
-    /// Finds the points that some objects hide from a light.
-    Casters<C: Caster> as fn(&LitPoints<'_>, &CasterList<C>, &mut LitGroups);
+    /// Finds the objects that may hide a light from groups of points.
+    Meet as fn(&TilePoints, &LitGroups, &mut CasterList);
 
-    /// Of the open points closes those that one of the objects hides from the light.
-    fn call(points: &LitPoints<'_>, casters: &CasterList<C>, groups: &mut LitGroups); |way| {
+    /// Sets which objects of a list the groups meet, as the light [sees](Seen) both: of triangles that were [cast](Cast), if
+    /// edges are `asked`, those alone that have an open point within theirs.
+    fn call(points: &TilePoints, groups: &LitGroups, asked: bool, casters: &mut CasterList); |way| {
+        casters.met_count = 0;
+        casters.have_edges &= asked;
         if casters.count == 0 {
+            return;
+        }
+        // Room for all objects of all groups, and what is stored past them.
+        casters.met.resize(GROUPS * MOST_CASTERS + BLOCK, 0);
+        match way {
+            Way::Code(enter) => {
+                let edges = if casters.have_edges { reads(&*casters.edges) } else { 0 };
+                let task = MeetTask {
+                    points: reads(points),
+                    groups: reads(groups),
+                    bounds: reads(&*casters.bounds),
+                    edges,
+                    blocks: reads(&casters.blocks),
+                    block_count: casters.block_count() as u64,
+                    met: writes(&mut *casters.met),
+                };
+                casters.met_count = enter([reads(&task), 0, 0, 0, 0, 0]) as usize;
+            }
+            Way::Rust(meet) => meet(points, groups, casters),
+        }
+    }
+
+    /// Finds the points that some objects hide from a light.
+    Casters<C: Plain> as fn(&LitPoints<'_>, &[C], &CasterList, &mut LitGroups);
+
+    /// Of the open points closes those that one of the objects hides from the light which their group [meets](Meet). The list
+    /// has their numbers in `objects`.
+    ///
+    /// # Panics
+    /// If there is none with such a number.
+    fn call(points: &LitPoints<'_>, objects: &[C], casters: &CasterList, groups: &mut LitGroups); |way| {
+        let met = &casters.met[..casters.met_count];
+        assert!(met.iter().all(|met| number(*met) < objects.len()), "objects with these numbers");
+        if met.is_empty() {
             return;
         }
         match way {
@@ -127,14 +157,13 @@ kinds! {
                     points: reads(points.points),
                     groups: writes(groups),
                     light: reads(points.light),
-                    casters: reads(&*casters.casters),
-                    bounds: reads(&*casters.bounds),
-                    blocks: reads(&casters.blocks),
-                    block_count: casters.bounds.len() as u64,
+                    casters: reads(objects),
+                    met: met.as_ptr_range().start as u64,
+                    met_end: met.as_ptr_range().end as u64,
                 };
                 enter([reads(&task), 0, 0, 0, 0, 0]);
             }
-            Way::Rust(ask) => ask(points, casters, groups),
+            Way::Rust(ask) => ask(points, objects, casters, groups),
         }
     }
 }
@@ -142,12 +171,9 @@ kinds! {
 /// Points of a tile under a light.
 #[derive(Clone, Copy)]
 pub struct LitPoints<'a> {
-    pub points: &'a TilePoints<f64>,
+    pub points: &'a TilePoints,
     pub light: &'a [f64; 3],
 }
-
-/// The greatest distance of an edge's ends beside the least one, from which the rounding of its middle matters near the latter.
-pub const FAR_BESIDE_NEAR: f64 = 1024.0;
 
 /// The axes of a side of a light's cube that looks along one of them: across, down and depth.
 pub fn axes(axis: usize) -> [usize; 3] {
@@ -155,7 +181,7 @@ pub fn axes(axis: usize) -> [usize; 3] {
 }
 
 /// The bounds of an object, or of some that are next to each other in the scene, as a light sees them.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Extent {
     /// The least x and y, in cells.
     pub low: [f32; 2],
@@ -172,15 +198,29 @@ pub fn own_bits(place: u32) -> u32 {
     place + f32::MIN_POSITIVE.to_bits()
 }
 
+/// The number of an object: that f32.
+pub fn own_number(place: u32) -> f64 {
+    f32::from_bits(own_bits(place)).into()
+}
+
 /// Objects that may hide a light, in blocks: at most [`MOST_CASTERS`].
-#[derive(Debug)]
-pub struct CasterList<C> {
+pub struct CasterList {
     count: usize,
-    /// There may be more, with anything in them.
-    casters: Vec<C>,
+    /// Of each block; there may be more.
     bounds: Vec<CasterBounds>,
     /// Of blocks.
     blocks: CasterBounds,
+    /// Of triangles that were cast, with as many blocks.
+    edges: Vec<CasterEdges>,
+    have_edges: bool,
+    /// Groups and numbers of objects that they [meet](Meet), sorted, and how many there are; there may be more.
+    met: Vec<u32>,
+    met_count: usize,
+}
+
+/// The number of an object that a group meets.
+pub(super) fn number(met: u32) -> usize {
+    met as usize % MOST_CASTERS
 }
 
 /// The bits of a coordinate that meets no other.
@@ -204,13 +244,21 @@ impl CasterBounds {
     }
 }
 
-impl<C: Caster> Default for CasterList<C> {
+impl Default for CasterList {
     fn default() -> Self {
-        CasterList { count: 0, casters: Vec::new(), bounds: Vec::new(), blocks: NO_BLOCKS }
+        let (bounds, edges, met) = Default::default();
+        CasterList { count: 0, bounds, blocks: NO_BLOCKS, edges, have_edges: false, met, met_count: 0 }
     }
 }
 
-impl<C: Caster> CasterList<C> {
+impl Debug for CasterList {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        let of_blocks = self.bounds.iter().zip(&self.edges).take(self.block_count());
+        f.debug_list().entry(&self.blocks).entries(of_blocks).entries(self.met()).finish()
+    }
+}
+
+impl CasterList {
     /// Adds the objects of an extent, which become the bounds of one alone: those of several are left to [`Cast`].
     ///
     /// # Panics
@@ -218,67 +266,78 @@ impl<C: Caster> CasterList<C> {
     pub fn push(&mut self, Extent { low, high, depth, first, count }: &Extent) {
         assert!(self.count + *count as usize <= MOST_CASTERS, "{count} casters more than {}", self.count);
         let ends = [-low[0], -low[1], high[0], high[1], -depth];
-        for place in *first..first + count {
+        let (mut next, end) = (own_bits(*first), own_bits(first + count));
+        while next < end {
             let (block, at) = (self.count / BLOCK, self.count % BLOCK);
             if at == 0 {
-                self.bounds.push(CasterBounds { own: [own_bits(place); BLOCK], ..NO_BLOCKS });
-                if self.casters.len() == block {
-                    self.casters.push(C::ZERO);
+                if self.bounds.len() == block {
+                    self.bounds.push(NO_BLOCKS);
                 }
+                (self.bounds[block].x, self.bounds[block].own) = ([NOWHERE; BLOCK], [next; BLOCK]);
             }
-            if at == 0 || place == *first {
-                for (field, end) in self.blocks.ends().into_iter().zip(ends) {
-                    field[block] = end.max(f32::from_bits(field[block])).to_bits();
-                }
+            for (field, end) in self.blocks.ends().into_iter().zip(ends) {
+                field[block] = end.max(f32::from_bits(field[block])).to_bits();
             }
             let bounds = &mut self.bounds[block];
             if *count == 1 {
                 bounds.ends().into_iter().zip(ends).for_each(|(field, end)| field[at] = end.to_bits());
             }
-            bounds.own[at] = own_bits(place);
-            self.casters[block].own()[at] = place.into();
-            self.count += 1;
+            for (own, place) in bounds.own[at..].iter_mut().zip(next..end) {
+                *own = place;
+            }
+            let here = (BLOCK - at).min((end - next) as usize);
+            self.count += here;
+            next += here as u32;
         }
     }
 
-    /// The block of the last one, and where in it that is.
-    pub fn last_mut(&mut self) -> Option<(&mut C, usize)> {
-        let last = self.count.checked_sub(1)?;
-        Some((&mut self.casters[last / BLOCK], last % BLOCK))
-    }
-
+    /// Removes all.
     pub fn clear(&mut self) {
-        self.count = 0;
-        self.bounds.clear();
-        self.blocks = NO_BLOCKS;
+        (self.count, self.have_edges, self.blocks) = (0, false, NO_BLOCKS);
     }
 
-    /// Those that may hide a light from points of a group: blocks, and where in these.
-    pub(super) fn meeting(&self, groups: &LitGroups, group: usize) -> impl Iterator<Item = (&C, usize)> {
-        let LitGroups { x, y, past_x, past_y, depth, own, .. } = groups;
-        let ends = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[group]));
-        let own = own[group];
-        let meets = move |CasterBounds { x, y, past_x, past_y, depth, own: owns }: &CasterBounds, at: usize| {
-            let fields = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[at]));
-            ends.into_iter().zip(fields).all(|(end, field)| end <= field) && own != owns[at]
-        };
-        let blocks = self.bounds.iter().zip(&self.casters).enumerate();
-        blocks.filter(move |(block, _)| meets(&self.blocks, *block)).flat_map(move |(_, (bounds, casters))| {
-            (0..BLOCK).filter(move |at| meets(bounds, *at)).map(move |at| (casters, at))
-        })
-    }
-}
-
-impl CasterList<TriangleCasters<f64>> {
-    /// Which of them are in doubt: their numbers, and their places in the scene.
-    pub fn doubtful(&self) -> Vec<(usize, u32)> {
-        let of = |at: usize| (&self.casters[at / BLOCK], at % BLOCK);
-        let doubtful = (0..self.count).map(|at| (at, of(at))).filter(|(_, (of, at))| of.bound[*at].is_nan());
-        doubtful.map(|(at, (of, i))| (at, of.own[i] as u32)).collect()
+    /// Gives those that groups meet other numbers, from their numbers in the list and their places in the scene.
+    pub fn renumber(&mut self, mut of: impl FnMut(usize, u32) -> u8) {
+        for met in &mut self.met[..self.met_count] {
+            let at = number(*met);
+            let place = self.bounds[at / BLOCK].own[at % BLOCK] - own_bits(0);
+            *met = *met - at as u32 + u32::from(of(at, place));
+        }
     }
 
-    /// Blocks, and their bounds.
-    pub(super) fn blocks(&mut self) -> impl Iterator<Item = (&mut TriangleCasters<f64>, &mut CasterBounds)> {
-        self.casters.iter_mut().zip(&mut self.bounds)
+    /// The groups that meet some objects, and these.
+    pub(super) fn met(&self) -> impl Iterator<Item = (usize, &[u32])> {
+        let group = |met: u32| met as usize / MOST_CASTERS;
+        self.met[..self.met_count].chunk_by(move |a, b| group(*a) == group(*b)).map(move |met| (group(met[0]), met))
+    }
+
+    fn block_count(&self) -> usize {
+        self.count.div_ceil(BLOCK)
+    }
+
+    /// Blocks, and their edges.
+    pub(super) fn blocks(&mut self) -> impl Iterator<Item = (&mut CasterBounds, &mut CasterEdges)> {
+        let count = self.block_count();
+        self.bounds.iter_mut().zip(&mut self.edges).take(count)
+    }
+
+    /// Sets which objects each group meets: of those whose bounds it does the ones that `hides` lets pass.
+    pub(super) fn set_met(&mut self, groups: &LitGroups, hides: impl Fn(usize, Option<&CasterEdges>, usize) -> bool) {
+        let LitGroups { x, y, past_x, past_y, depth, own, open } = groups;
+        for group in (0..GROUPS).filter(|group| open[*group] != 0) {
+            let ends = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[group]));
+            let meets = |CasterBounds { x, y, past_x, past_y, depth, own: owns }: &CasterBounds, at: usize| {
+                let fields = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[at]));
+                ends.into_iter().zip(fields).all(|(end, field)| end <= field) && own[group] != owns[at]
+            };
+            let blocks = (0..self.block_count()).filter(|block| meets(&self.blocks, *block));
+            for at in blocks.flat_map(|block| block * BLOCK..(block + 1) * BLOCK) {
+                let (block, i) = (at / BLOCK, at % BLOCK);
+                if meets(&self.bounds[block], i) && hides(group, self.have_edges.then(|| &self.edges[block]), i) {
+                    self.met[self.met_count] = (group * MOST_CASTERS + at) as u32;
+                    self.met_count += 1;
+                }
+            }
+        }
     }
 }

@@ -7,14 +7,12 @@ use super::objects::{ObjectList, TriangleList};
 use super::records::{
     AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, MOST_LANES, NearestTask,
     ObjectLight, PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
-    TILE_HEIGHT, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, Triangle,
-    TriangleArrays, TrianglePlanes, VisibleTask, VisibleView,
+    TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView,
+    Triangle, TriangleArrays, TrianglePlanes, VisibleTask, VisibleView,
 };
 use super::types::Plain;
 
-pub const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
-
-/// Its squares that keep a hierarchical depth.
+/// The squares of a tile that keep a hierarchical depth.
 pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
 /// The greatest id in a tile: f32 has every integer up to this.

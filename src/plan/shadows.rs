@@ -12,8 +12,8 @@ use glam::{DVec3, Vec3A};
 use super::light;
 use super::team::Team;
 use crate::kernels::{
-    Cast, CasterList, Extent, FAR_BESIDE_NEAR, LightSideView, MOST_CASTERS, ObjectList as _, Plain as _, PointObject,
-    SphereCasters, TriangleArrays, TriangleCasters, TriangleList,
+    Cast, CasterList, Extent, LightSideView, MOST_CASTERS, ObjectList as _, Plain as _, PointObject, SphereCaster,
+    TriangleArrays, TriangleCaster, TriangleList, own_number,
 };
 use crate::reference::geometry;
 use crate::scene::{Scene, Sphere};
@@ -30,11 +30,17 @@ const PIXELS_OF_A_CELL: u32 = 4;
 /// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
 const CELLS_OF_AN_OBJECT: usize = 4;
 
+/// More objects of a cell are sorted by depth.
+const FEW: u32 = 8;
+
 /// The rounding of a coordinate on a side, which is within 1.
 const SLACK: f64 = 8.0 * f64::EPSILON;
 
 /// What P's rounding, and that of products with it, may make of the power of a sphere.
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// What rounding may make of a plane, for terms whose magnitudes have the sum 1.
+const PLANE_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// A point whose power for a sphere is so many times that of the light is much farther from the sphere than the light is.
 const FAR_POWER: f64 = 1_048_576.0;
@@ -71,19 +77,21 @@ struct Side {
     /// In [`SIDES`].
     number: usize,
     view: LightSideView<f64>,
-    /// Grid by grid and cell by cell, those of a cell from the nearest on.
+    /// Grid by grid and cell by cell; those of a cell, if they are more than [`FEW`], from the nearest on.
     objects: Vec<Extent>,
+    /// Where the objects of each cell begin, and the end of the last.
+    starts: Vec<u32>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
 }
 
-/// The cells of one size with objects.
+/// The cells of one size with objects, row by row.
 #[derive(Clone)]
 struct Grid {
     /// The binary logarithm of a cell's side in the finest ones.
     coarseness: u32,
-    /// Where the objects of each cell begin, row by row; and the end of the last.
-    starts: Vec<u32>,
+    /// The first cell's number among those of all grids.
+    first: usize,
 }
 
 /// A side of a light's cube.
@@ -106,18 +114,20 @@ pub struct Window {
 
 /// Objects as a light sees them.
 pub struct Casters {
-    pub triangles: CasterList<TriangleCasters<f64>>,
-    pub spheres: CasterList<SphereCasters<f64>>,
+    /// Spheres, or triangles of one kind.
+    pub list: CasterList,
+    pub spheres: Vec<SphereCaster<f64>>,
+    pub triangles: Vec<TriangleCaster<f64>>,
     arrays: Box<TriangleArrays>,
 }
 
+/// The greatest distance of an edge's ends beside the least one, from which the rounding of its middle matters near the latter.
+const FAR_BESIDE_NEAR: f64 = 1024.0;
+
 impl Default for Casters {
     fn default() -> Self {
-        Casters {
-            triangles: CasterList::default(),
-            spheres: CasterList::default(),
-            arrays: Box::new(TriangleArrays::ZERO),
-        }
+        let (list, spheres, triangles) = Default::default();
+        Casters { list, spheres, triangles, arrays: Box::new(TriangleArrays::ZERO) }
     }
 }
 
@@ -132,13 +142,8 @@ struct Bounds {
 /// Of what is beside the light or around it.
 const WHOLE: Bounds = Bounds { low: [-1.0; 2], high: [1.0; 2], depth: 0.0 };
 
-/// Whether an object between these coordinates is so near to 0, beside its greatest distance, that the rounding of its middle
-/// matters.
-fn is_near([low, high]: [DVec3; 2]) -> bool {
-    low.max(-high).max_element() * FAR_BESIDE_NEAR < high.max(-low).max_element()
-}
-
 /// A vector in the axes of a side: across, down, and depth.
+#[inline(always)]
 fn turned(v: DVec3, side: usize) -> [f64; 3] {
     let (axis, sign) = SIDES[side];
     let v = v.to_array();
@@ -147,6 +152,7 @@ fn turned(v: DVec3, side: usize) -> [f64; 3] {
 
 impl Bounds {
     /// Those of a box, from its least coordinates to its greatest, with the light at 0; None if it is not on this side.
+    #[inline(always)]
     fn of_box([low, high]: [DVec3; 2], side: usize) -> Option<Bounds> {
         let (a, b) = (turned(low, side), turned(high, side));
         let (near, far) = (a[2].min(b[2]), a[2].max(b[2]));
@@ -188,68 +194,85 @@ impl Side {
         let [scale_x, scale_y] = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]));
         let ((_, sign), [across, down, depth]) = (SIDES[number], turned(light, number));
         let (depth, [low_x, low_y]) = (sign * depth, low);
-        let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
-        let bounds = |run: &Run| {
-            let ends = run.ends.map(|v| v - light);
-            let of = Bounds::of_box(ends, number)?;
-            let depth = if is_near(ends) || is_near(run.ends) { 0.0 } else { of.depth };
-            Some(extent(&view, &Bounds { depth, ..of }, run))
-        };
+        let slack = SLACK * scale_x.max(scale_y);
+        let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y, slack };
+        let mut unsorted = Vec::with_capacity(runs.len());
+        for run in runs {
+            if let Some(of) = Bounds::of_box(run.ends.map(|v| v - light), number) {
+                let extent = extent(&view, &of, run);
+                unsorted.push((extent, Place::of(&extent)));
+            }
+        }
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
-        let (grids, objects) = Grid::of(&runs.iter().filter_map(bounds).collect::<Vec<_>>(), (FINEST / useful).ilog2());
-        Side { number, view, objects, grids }
+        let (grids, starts, objects) = Grid::of(&unsorted, (FINEST / useful).ilog2());
+        Side { number, view, objects, starts, grids }
     }
 }
 
-/// The first of the finest columns and rows that an object is in; and the binary logarithm of the side of cells of which it is
-/// in at most two across and two down.
-fn cells(Extent { low, high, .. }: &Extent) -> ([u32; 2], usize) {
-    let cells = [0, 1].map(|i| [low[i], high[i]].map(cell));
-    let [across, down] = cells.map(|[first, last]| last - first);
-    (cells.map(|[first, _]| first), across.max(down).next_power_of_two().ilog2() as usize)
+/// Where an object is: the first of the finest columns and rows; and the binary logarithm of the side of cells of which it is in
+/// at most two across and two down.
+#[derive(Clone, Copy)]
+struct Place {
+    column: u16,
+    row: u16,
+    level: u8,
+}
+
+impl Place {
+    fn of(Extent { low, high, .. }: &Extent) -> Place {
+        let [[column, last_column], [row, last_row]] = [0, 1].map(|i| [low[i], high[i]].map(cell));
+        let most = (last_column - column).max(last_row - row);
+        Place { column: column as u16, row: row as u16, level: most.next_power_of_two().ilog2() as u8 }
+    }
 }
 
 impl Grid {
-    /// Those of objects, from the `finest` coarseness on, and the objects in their order.
-    fn of(unsorted: &[Extent], finest: u32) -> (Vec<Grid>, Vec<Extent>) {
+    /// Those of objects, from the `finest` coarseness on; and where in these the objects of each cell begin, and the objects.
+    fn of(unsorted: &[(Extent, Place)], finest: u32) -> (Vec<Grid>, Vec<u32>, Vec<Extent>) {
         const LEVELS: usize = 1 + FINEST.ilog2() as usize;
         let mut counts = [0; LEVELS];
-        unsorted.iter().for_each(|of| counts[cells(of).1.max(finest as usize)] += 1);
+        unsorted.iter().for_each(|(_, place)| counts[usize::from(place.level).max(finest as usize)] += 1);
         // The grid of each level.
-        let (mut grids, mut of_level, mut count) = (Vec::new(), [0; LEVELS], 0);
+        let (mut grids, mut of_level, mut count, mut cells) = (Vec::new(), [0; LEVELS], 0, 0);
         for level in 0..LEVELS {
             of_level[level] = grids.len();
             count += counts[level];
-            let across = FINEST as usize >> level;
-            if count > 0 && across.pow(2) <= CELLS_OF_AN_OBJECT * count {
-                grids.push(Grid { coarseness: level as u32, starts: vec![0; across.pow(2) + 1] });
-                count = 0;
+            let of_grid = (FINEST as usize >> level).pow(2);
+            if count > 0 && of_grid <= CELLS_OF_AN_OBJECT * count {
+                grids.push(Grid { coarseness: level as u32, first: cells });
+                (count, cells) = (0, cells + of_grid);
             }
         }
-        let coarseness: Vec<_> = grids.iter().map(|grid: &Grid| grid.coarseness).collect();
-        let place = |of: &Extent| {
-            let (cells, level) = cells(of);
-            let (grid, coarseness) = (of_level[level], coarseness[of_level[level]]);
-            let [column, row] = cells.map(|cell| cell >> coarseness);
-            (grid, (row * (FINEST >> coarseness) + column) as usize)
+        let cell = |place: &Place| {
+            grids[of_level[usize::from(place.level)]].cell(u32::from(place.column), u32::from(place.row))
         };
-        for (grid, cell) in unsorted.iter().map(place) {
-            grids[grid].starts[cell] += 1;
+        // Of each cell first the number of its objects, two places later; then where the next of them goes, one place later.
+        let mut starts = vec![0; cells + 2];
+        unsorted.iter().for_each(|(_, place)| starts[cell(place) + 2] += 1);
+        let mut crowded = Vec::new();
+        for i in 2..starts.len() {
+            if starts[i] > FEW {
+                crowded.push(i - 2);
+            }
+            starts[i] += starts[i - 1];
         }
-        let mut sum = 0;
-        for start in grids.iter_mut().flat_map(|grid| &mut grid.starts) {
-            sum += std::mem::replace(start, sum);
+        let mut objects = vec![Extent::default(); unsorted.len()];
+        for (of, place) in unsorted {
+            let next = &mut starts[cell(place) + 1];
+            objects[*next as usize] = *of;
+            *next += 1;
         }
-        let mut next: Vec<_> = grids.iter().map(|grid| grid.starts.clone()).collect();
-        let mut objects = unsorted.to_vec();
-        for (of, (grid, cell)) in unsorted.iter().zip(unsorted.iter().map(place)) {
-            objects[next[grid][cell] as usize] = *of;
-            next[grid][cell] += 1;
+        for cell in crowded {
+            let of_cell = &mut objects[starts[cell] as usize..starts[cell + 1] as usize];
+            of_cell.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
         }
-        for ends in grids.iter().flat_map(|grid| grid.starts.windows(2)) {
-            objects[ends[0] as usize..ends[1] as usize].sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
-        }
-        (grids, objects)
+        (grids, starts, objects)
+    }
+
+    /// The cell with one of the finest columns and rows.
+    fn cell(&self, column: u32, row: u32) -> usize {
+        let Grid { coarseness, first } = self;
+        first + ((row >> coarseness) * (FINEST >> coarseness) + (column >> coarseness)) as usize
     }
 }
 
@@ -292,6 +315,13 @@ fn lists(scene: &Scene) -> [(TriangleList<'_>, u32); 2] {
     [(TriangleList::Apart(&scene.triangles), first), (TriangleList::Joined((&scene.faces).into()), first + count)]
 }
 
+/// The corners of a triangle at this place in the scene.
+fn corners(scene: &Scene, place: u32) -> [DVec3; 3] {
+    let [apart, joined] = lists(scene);
+    let (list, first) = if place < joined.1 { apart } else { joined };
+    list.vertices((place - first) as usize).map(|v| v.as_dvec3())
+}
+
 impl<'a> Shadows<'a> {
     /// Those of all lights of a scene that are not dark.
     pub fn new(scene: &'a Scene, team: &Team) -> Self {
@@ -331,7 +361,7 @@ impl<'a> Shadows<'a> {
     }
 
     /// Where the lights are.
-    pub fn lights(&self) -> impl Iterator<Item = DVec3> {
+    pub fn lights(&self) -> impl ExactSizeIterator<Item = DVec3> {
         self.lights.iter().map(|light| light.position)
     }
 
@@ -344,11 +374,10 @@ impl<'a> Shadows<'a> {
     /// The object at this place in the scene, spheres first, as its visible points are found; None if no light reaches what is
     /// visible of it: it is around the camera, or has no points.
     pub fn object(&self, place: usize) -> Option<PointObject<f64>> {
-        let own = place as f64;
+        let own = own_number(place as u32);
         let of = |DVec3 { x, y, z }: DVec3| PointObject { x, y, z, own, w: 1.0, ..PointObject::default() };
         let Some(sphere) = self.scene.spheres.get(place) else {
-            let triangle = self.scene.triangle(place - self.scene.spheres.len());
-            return geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3())).map(of);
+            return geometry::plane_of_one(corners(self.scene, place as u32)).map(of);
         };
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, k) = (radius * radius, geometry::power(c, radius));
@@ -390,28 +419,34 @@ impl<'a> LightSide<'a> {
     /// Adds the objects in its cells that may be before its points, to spheres and to either kind of triangles.
     pub fn gather(&self, Window { ends, cells }: &Window, all: &mut [Vec<&'a Extent>; 3]) {
         let [past_x, past_y, x, y, depth] = *ends;
-        let meets = |of: &&Extent| of.low[0] <= -past_x && of.low[1] <= -past_y && of.high[0] >= x && of.high[1] >= y;
+        let meets = |of: &&Extent| {
+            let is_before = of.low[0] <= -past_x && of.low[1] <= -past_y && of.depth <= -depth;
+            is_before && of.high[0] >= x && of.high[1] >= y
+        };
         let [of_triangles, of_faces] = lists(self.scene).map(|(_, first)| first);
-        for Grid { coarseness, starts } in &self.side.grids {
-            let across = FINEST >> coarseness;
+        for grid in &self.side.grids {
             // What begins in the cells before may reach into them.
-            let [columns, rows] =
-                [0, 1].map(|i| (cells[i].start >> coarseness).saturating_sub(1)..=(cells[i].end - 1) >> coarseness);
-            for cell in rows.flat_map(|row| columns.clone().map(move |column| (row * across + column) as usize)) {
-                let placed = &self.side.objects[starts[cell] as usize..starts[cell + 1] as usize];
-                for of in placed.iter().take_while(|of| of.depth <= -depth).filter(meets) {
-                    all[usize::from(of.first >= of_triangles) + usize::from(of.first >= of_faces)].push(of);
+            let side = 1 << grid.coarseness;
+            let [columns, rows] = [0, 1].map(|i| cells[i].start.saturating_sub(side)..cells[i].end);
+            for row in (rows.start >> grid.coarseness << grid.coarseness..rows.end).step_by(side as usize) {
+                let of_row = grid.cell(columns.start, row)..grid.cell(columns.end - 1, row) + 2;
+                for ends in self.side.starts[of_row].windows(2) {
+                    let placed = &self.side.objects[ends[0] as usize..ends[1] as usize];
+                    let may_be_before = |of: &&Extent| placed.len() <= FEW as usize || of.depth <= -depth;
+                    for of in placed.iter().take_while(may_be_before).filter(meets) {
+                        all[usize::from(of.first >= of_triangles) + usize::from(of.first >= of_faces)].push(of);
+                    }
                 }
             }
         }
     }
 
-    /// Adds the first of some objects of a kind as the light sees them, as many as there is room for; returns the others.
+    /// Lists the first of some objects of a kind as the light sees them, as many as there is room for; returns the others.
     pub fn cast<'b>(
         &self,
         (kind, objects): (usize, &'b [&'a Extent]),
         kernel: &Cast,
-        casters: &mut Casters,
+        Casters { list, spheres, arrays, .. }: &mut Casters,
     ) -> &'b [&'a Extent] {
         let mut room = MOST_CASTERS as u32;
         let mut fits = |object: &&Extent| {
@@ -420,45 +455,82 @@ impl<'a> LightSide<'a> {
             fits
         };
         let (now, later) = objects.split_at(objects.iter().position(|object| !fits(object)).unwrap_or(objects.len()));
-        let Casters { triangles, spheres, arrays } = casters;
-        spheres.clear();
-        triangles.clear();
-        let Some(list) = kind.checked_sub(1) else {
-            now.iter().for_each(|object| self.cast_sphere(object, spheres));
-            return later;
-        };
-        let (list, first) = lists(self.scene)[list];
-        now.iter().for_each(|object| triangles.push(object));
-        kernel.call(self.view(), self.axis(), list, first, arrays, triangles);
-        let mut count = 0;
-        let beside = now.iter().flat_map(|of| {
-            let at = count;
-            count += of.count;
-            (0..if of.depth == 0.0 { of.count } else { 0 }).map(move |i| ((at + i) as usize, of.first + i))
-        });
-        let doubtful = triangles.doubtful().into_iter().map(|of| (true, of));
-        for (is_doubtful, (at, place)) in doubtful.chain(beside.map(|of| (false, of))) {
-            let corners = list.vertices((place - first) as usize).map(|v| v.as_dvec3());
-            let is_near = |from: DVec3| {
-                let [a, b, c] = corners.map(|v| v - from);
-                is_near([a.min(b).min(c), a.max(b).max(c)])
-            };
-            let near = is_near(self.position) || is_near(DVec3::ZERO);
-            if !is_doubtful && !near {
-                continue;
-            }
-            let normal = geometry::triangle_plane(corners);
-            // Of one that the light sees as an edge nothing is set: it hides nothing.
-            if let Some(side) = geometry::side_of_plane(corners, normal, self.position, 0.0) {
-                let corners = corners.map(|v| v.to_array());
-                triangles.set_planes((at, near), self.axis(), corners, normal.to_array(), self.light(), side);
-            }
+        list.clear();
+        now.iter().for_each(|object| list.push(object));
+        if let Some(of_triangles) = kind.checked_sub(1) {
+            let (triangles, first) = lists(self.scene)[of_triangles];
+            kernel.call(self.view(), self.axis(), triangles, first, arrays, list);
+        } else {
+            spheres.clear();
+            spheres.extend(now.iter().map(|object| self.sphere(object.first)));
         }
         later
     }
 
-    fn cast_sphere(&self, object: &Extent, casters: &mut CasterList<SphereCasters<f64>>) {
-        let sphere: &Sphere = &self.scene.spheres[object.first as usize];
+    /// Makes the triangles that groups of points meet.
+    pub fn make_met(&self, Casters { list, triangles, .. }: &mut Casters) {
+        let mut numbers = [None; MOST_CASTERS];
+        triangles.clear();
+        list.renumber(|at, place| {
+            *numbers[at].get_or_insert_with(|| {
+                triangles.push(self.triangle(place));
+                (triangles.len() - 1) as u8
+            })
+        });
+    }
+
+    /// A triangle as the light sees it, at this place in the scene.
+    fn triangle(&self, place: u32) -> TriangleCaster<f64> {
+        let corners = corners(self.scene, place);
+        let (normal, light) = (geometry::triangle_plane(corners), self.position);
+        let Some(side) = geometry::side_of_plane(corners, normal, light, 0.0) else {
+            // The light sees it as an edge: it hides nothing.
+            return TriangleCaster { e10: -1.0, ..TriangleCaster::ZERO };
+        };
+        let distances = [light, DVec3::ZERO].map(|from| corners.map(|v| (v - from).abs().max_element()));
+        let nearer = |i: usize, j: usize, from: usize| if distances[from][j] < distances[from][i] { j } else { i };
+        // A rule for edges alone: triangles that share one have the same plane.
+        let edge = |i: usize, j: usize| {
+            let (v, w) = (corners[i], corners[j]);
+            let is_near = |of: [f64; 3]| of[i].max(of[j]) > of[i].min(of[j]) * FAR_BESIDE_NEAR;
+            let (mut seen, mut known) = (0.5 * (v + w), 0.5 * (v + w));
+            if distances.into_iter().any(is_near) {
+                // The rounding of its middle matters: it is taken through its ends.
+                let nearest = nearer(i, j, 1);
+                let is_light = light.abs().max_element() < distances[1][nearest];
+                (seen, known) = (corners[nearer(i, j, 0)], if is_light { light } else { corners[nearest] });
+            }
+            let edge = (seen - light).cross(w - v) * side.signum();
+            (edge, -edge.dot(known))
+        };
+        let [(e1, e10), (e2, e20), (e3, e30)] = [edge(0, 1), edge(1, 2), edge(2, 0)];
+        let (p, known) = (-normal * side.signum(), corners[nearer(nearer(0, 1, 1), 2, 1)]);
+        let bound = normal.abs().max_element() * PLANE_ROUNDING;
+        TriangleCaster {
+            e1x: e1.x,
+            e1y: e1.y,
+            e1z: e1.z,
+            e10,
+            e2x: e2.x,
+            e2y: e2.y,
+            e2z: e2.z,
+            e20,
+            e3x: e3.x,
+            e3y: e3.y,
+            e3z: e3.z,
+            e30,
+            px: p.x,
+            py: p.y,
+            pz: p.z,
+            p0: known.abs().element_sum() * bound - p.dot(known),
+            bound,
+            own: own_number(place),
+        }
+    }
+
+    /// A sphere as the light sees it, at this place in the scene.
+    fn sphere(&self, place: u32) -> SphereCaster<f64> {
+        let sphere: &Sphere = &self.scene.spheres[place as usize];
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let l = c - self.position;
         let (r2, of_light) = (radius * radius, geometry::power(l, radius));
@@ -466,15 +538,27 @@ impl<'a> LightSide<'a> {
         // Points of a large sphere may be so near that |P - c|^2 - r^2 loses them.
         let is_large = c.dot(c) < 4.0 * r2;
         let (u, w, k) = if is_large { (DVec3::ZERO, 2.0 * c, geometry::power(c, radius)) } else { (c, c, -r2) };
-        casters.push(object);
-        let Some((of, at)) = casters.last_mut() else { return };
-        (of.x[at], of.y[at], of.z[at]) = (c.x, c.y, c.z);
-        (of.ux[at], of.uy[at], of.uz[at]) = (u.x, u.y, u.z);
-        (of.wx[at], of.wy[at], of.wz[at]) = (w.x, w.y, w.z);
-        (of.lx[at], of.ly[at], of.lz[at], of.far[at]) = (l.x, l.y, l.z, FAR_POWER * of_light.abs());
-        (of.k[at], of.r2[at], of.bound[at]) = (k, r2, SPHERE_ROUNDING * radius);
-        of.side[at] = if is_outside { 1.0 } else { -1.0 };
-        of.past[at] = if is_outside { 0.0 } else { f64::NEG_INFINITY };
-        of.most[at] = if of_light < 0.0 { f64::INFINITY } else { 0.0 };
+        SphereCaster {
+            x: c.x,
+            y: c.y,
+            z: c.z,
+            ux: u.x,
+            uy: u.y,
+            uz: u.z,
+            wx: w.x,
+            wy: w.y,
+            wz: w.z,
+            k,
+            lx: l.x,
+            ly: l.y,
+            lz: l.z,
+            far: FAR_POWER * of_light.abs(),
+            r2,
+            side: if is_outside { 1.0 } else { -1.0 },
+            past: if is_outside { 0.0 } else { f64::NEG_INFINITY },
+            most: if of_light < 0.0 { f64::INFINITY } else { 0.0 },
+            bound: SPHERE_ROUNDING * radius,
+            own: own_number(place),
+        }
     }
 }

@@ -447,7 +447,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 194] = [
+const PACKET_SNIPPETS: [Snippet; 196] = [
     ("ELEMENT", "", "ELEM"),
     ("CLEAN_UPPER", "", ""),
     ("DISTINCT", "", "v0, v1"),
@@ -591,6 +591,8 @@ const PACKET_SNIPPETS: [Snippet; 194] = [
     ("VABS", "where d is not a", "v0, v1"),
     ("MASK_AND_GREATER", "", "v0, v1, v2"),
     ("MASK_AND_NOT_LESS", "", "v0, v1, v2"),
+    ("MASK_NOT_GREATER", "", "v0, v1"),
+    ("MASK_AND_NOT_GREATER", "", "v0, v1, v2"),
     ("MASK_BITS", "", "eax"),
     ("MASK_KEEP", "", "v0"),
     ("WIDEN", "in f64", "v0, [rdi]"),

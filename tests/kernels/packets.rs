@@ -97,6 +97,7 @@ kernels! {
     points: single.tiles.points, double.tiles.points; shadow_cases(), shadows;
     seen: seen; shadow_cases(), shadows;
     cast: cast; shadow_cases(), shadows;
+    meet: meet; shadow_cases(), shadows;
     triangle_casters: triangle_casters; shadow_cases(), shadows;
     sphere_casters: sphere_casters; shadow_cases(), shadows;
     tile_f32x4: single.tiles.f32x4, double.tiles.f32x4; tile_cases(), tiles;
@@ -404,18 +405,19 @@ fn shadows_of<E: Element>(
             place.checked_sub(1).and_then(|place| shadows.object(place)).unwrap_or(nobody)
         })
         .collect();
-    let mut points = Box::new(TilePoints::<f64>::ZERO);
+    let mut points = Box::new(TilePoints::ZERO);
     kernels.tiles.points.call(&plan.point_view(), &buffers, [0, 0], &objects, &mut points);
     add(&mut made, "points", &points);
     let owners: Vec<_> = places.iter().map(|place| place.checked_sub(1).map_or(0, own_bits)).collect();
     for (light, position) in shadows.lights().enumerate() {
         let at = position.to_array();
-        let asked = LitPoints { points: &points, light: &at };
         for side in shadows.sides(light) {
             let mut groups = Box::new(LitGroups::ZERO);
             groups.open.fill(0xffff);
-            packets.seen.call(side.view(), &points, side.axis(), &mut groups);
+            packets.seen.call(side.view(), &mut points, side.axis(), &mut groups);
             add(&mut made, "seen", &groups);
+            add(&mut made, "where they are seen", &points);
+            let asked = LitPoints { points: &points, light: &at };
             groups.own.fill_with(|| choose(&mut rng, &owners));
             let (mut objects, mut casters) = (<[Vec<_>; 3]>::default(), Casters::default());
             let all = side.window([-f32::INFINITY, -f32::INFINITY, 0.0, 0.0, -f32::INFINITY]).unwrap();
@@ -424,12 +426,17 @@ fn shadows_of<E: Element>(
                 let mut objects = &objects[..];
                 while !objects.is_empty() {
                     objects = side.cast((kind, objects), &packets.cast, &mut casters);
-                    add(&mut made, "cast", &casters.triangles);
                     groups.open.fill_with(|| rng.next_u64() as u32 & choose(&mut rng, &[0xffff, 0xf0f0, 0]));
-                    packets.sphere_casters.call(&asked, &casters.spheres, &mut groups);
-                    add(&mut made, "open to spheres", &groups);
-                    packets.triangle_casters.call(&asked, &casters.triangles, &mut groups);
-                    add(&mut made, "open to triangles", &groups);
+                    packets.meet.call(&points, &groups, true, &mut casters.list);
+                    add(&mut made, "cast and met", &casters.list);
+                    if kind == 0 {
+                        packets.sphere_casters.call(&asked, &casters.spheres, &casters.list, &mut groups);
+                        add(&mut made, "open to spheres", &groups);
+                    } else {
+                        side.make_met(&mut casters);
+                        packets.triangle_casters.call(&asked, &casters.triangles, &casters.list, &mut groups);
+                        add(&mut made, "open to triangles", &groups);
+                    }
                 }
             }
         }

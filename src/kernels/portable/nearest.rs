@@ -8,10 +8,10 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::super::records::{
-    AroundSphere, Candidate, Element, PART_SIDE, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_WIDTH, Tile,
-    TriangleArrays, TrianglePlanes,
+    AroundSphere, Candidate, Element, PART_SIDE, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH,
+    Tile, TriangleArrays, TrianglePlanes,
 };
-use super::super::tiles::{TILE_PARTS, TILE_PIXELS, TileGrid, TileWindow};
+use super::super::tiles::{TILE_PARTS, TileGrid, TileWindow};
 use super::lanes::{Each, Lanes, Number};
 use super::spheres;
 

@@ -21,13 +21,11 @@ const ALL: u32 = (1 << GROUP) - 1;
 
 /// The memory of a thread for shadows.
 pub(super) struct ShadowScratch {
-    points: Box<TilePoints<f64>>,
+    points: Box<TilePoints>,
     groups: Box<LitGroups>,
     /// By id.
     objects: Vec<PointObject<f64>>,
     owners: Vec<bool>,
-    /// The object of all pixels of a group, if it is one.
-    of_one: [Option<u32>; GROUPS],
     /// The ids of pixels: of their objects, and of what is left of these.
     ids: Box<[u32; TILE_PIXELS]>,
     left: Box<[u32; TILE_PIXELS]>,
@@ -44,7 +42,6 @@ impl Default for ShadowScratch {
             groups: Box::new(LitGroups::ZERO),
             objects: Vec::new(),
             owners: Vec::new(),
-            of_one: [None; GROUPS],
             ids: Box::new([0; TILE_PIXELS]),
             left: Box::new([0; TILE_PIXELS]),
             casters: Casters::default(),
@@ -114,19 +111,21 @@ impl<E: Element> TileTracer<'_, E> {
     ) {
         self.find_points(shadows, window, buffers, &tile_objects.order, scratch);
         let mut darkened = Darkened { count: tile_objects.order.len(), ..Darkened::default() };
-        let (mut instead, mut faces): (Vec<u32>, Vec<bool>) = Default::default();
+        let (mut instead, mut faces) = <(Vec<u32>, Vec<u8>)>::default();
+        // Which of eight lights each pixel faces, a bit for each.
+        let mut faced = [0; TILE_PIXELS];
         let mut ends_of_points = None;
         let visible = scratch.ids.iter().filter(|id| **id > 0).count() as u64;
-        for (light, position) in shadows.lights().enumerate() {
-            faces.clear();
-            faces.extend(scratch.objects.iter().map(|object| is_lit(object, position)));
-            let ids = scratch.ids.as_chunks::<GROUP>().0;
-            for ((open, of_one), ids) in scratch.groups.open.iter_mut().zip(scratch.of_one).zip(ids) {
-                *open = match of_one {
-                    Some(id) if faces[id as usize] => ALL,
-                    Some(_) => 0,
-                    None => (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i),
-                };
+        for light in 0..shadows.lights().len() {
+            if light % 8 == 0 {
+                let eight: Vec<_> = shadows.lights().skip(light).take(8).collect();
+                let lit = |object| eight.iter().rev().fold(0, |lit, light| lit << 1 | u8::from(is_lit(object, *light)));
+                faces.clear();
+                faces.extend(scratch.objects.iter().map(lit));
+                faced.iter_mut().zip(&*scratch.ids).for_each(|(faced, id)| *faced = faces[*id as usize]);
+            }
+            for (open, faced) in scratch.groups.open.iter_mut().zip(faced.as_chunks().0) {
+                *open = bits(u128::from_le_bytes(*faced) >> (light % 8));
             }
             let facing: u64 = scratch.groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
             scratch.counts.averted += visible - facing;
@@ -140,12 +139,12 @@ impl<E: Element> TileTracer<'_, E> {
                 if several && !side.may_see(*ends_of_points.get_or_insert_with(|| ends_of_all(&scratch.points))) {
                     continue;
                 }
-                self.packets.seen.call(side.view(), &scratch.points, side.axis(), &mut scratch.groups);
+                self.packets.seen.call(side.view(), &mut scratch.points, side.axis(), &mut scratch.groups);
                 if all_cells {
                     let LitGroups { x, y, past_x, past_y, depth, .. } = &mut *scratch.groups;
                     [x, y, past_x, past_y, depth].into_iter().for_each(|ends| ends.fill(f32::NEG_INFINITY.to_bits()));
                 }
-                self.ask(&side, scratch);
+                self.ask(&side, !all_cells, scratch);
             }
             if !darkens {
                 continue;
@@ -161,8 +160,8 @@ impl<E: Element> TileTracer<'_, E> {
             };
             for (ids, open) in scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.groups.open) {
                 let mut dark = open ^ ALL;
-                if dark == ALL && *ids == [ids[0]; GROUP] {
-                    *ids = [without(ids[0]); GROUP];
+                if dark == ALL {
+                    ids.iter_mut().for_each(|id| *id = without(*id));
                     continue;
                 }
                 while dark != 0 {
@@ -191,16 +190,18 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         buffers: &mut TileBuffers<E>,
         order: &[u32],
-        ShadowScratch { points, groups, objects, owners, of_one, ids, left, .. }: &mut ShadowScratch,
+        ShadowScratch { points, groups, objects, owners, ids, left, .. }: &mut ShadowScratch,
     ) {
         buffers.close_around(self.kernels.lanes, window);
         buffers.ids(ids);
         left.copy_from_slice(&ids[..]);
         owners.clear();
         owners.resize(order.len(), false);
-        for (ids, of_one) in ids.as_chunks::<GROUP>().0.iter().zip(&mut *of_one) {
-            *of_one = ids.iter().all(|id| *id == ids[0]).then_some(ids[0]);
-            let different = if of_one.is_some() { &ids[..1] } else { &ids[..] };
+        for (ids, own) in ids.as_chunks::<GROUP>().0.iter().zip(&mut groups.own) {
+            let id = ids[0] as usize;
+            let is_one = *ids == [ids[0]; GROUP];
+            *own = if is_one && id > 0 { own_bits(order[id] - 1) } else { 0 };
+            let different = if is_one { &ids[..1] } else { &ids[..] };
             different.iter().for_each(|id| owners[*id as usize] = true);
         }
         objects.clear();
@@ -208,31 +209,33 @@ impl<E: Element> TileTracer<'_, E> {
             let object = if *owns && *place > 0 { shadows.object(*place as usize - 1) } else { None };
             object.filter(|object| shadows.lights().any(|light| is_lit(object, light))).unwrap_or(NOBODY)
         }));
-        for (own, of_one) in groups.own.iter_mut().zip(of_one) {
-            *own = of_one.filter(|id| owners[*id as usize] && *id > 0).map_or(0, |id| own_bits(order[id as usize] - 1));
-        }
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
     }
 
-    /// Closes the open points from which something on a side hides its light.
-    fn ask(&self, side: &LightSide<'_>, scratch: &mut ShadowScratch) {
+    /// Closes the open points from which something on a side hides its light; `culls` those that are not within its edges.
+    fn ask(&self, side: &LightSide<'_>, culls: bool, scratch: &mut ShadowScratch) {
         let ShadowScratch { points, groups, casters, counts, .. } = scratch;
         let Some(window) = side.window(ends(groups)) else { return };
         let light = side.light();
         let points = LitPoints { points, light: &light };
-        let mut near = <[Vec<_>; 3]>::default();
+        let mut near = [0; 3].map(|_| Vec::with_capacity(GROUPS));
         side.gather(&window, &mut near);
         let open: u64 = groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
         for (kind, near) in near.iter_mut().enumerate() {
             let count = near.iter().map(|of| of.count as usize).sum::<usize>();
             counts.asked += open * count as u64;
-            near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
+            near.sort_unstable_by_key(|of| of.depth.to_bits());
             let mut near = &near[..];
             // What is farther than all points that are still open hides none.
             while near.first().is_some_and(|of| of.depth <= farthest(groups)) {
                 near = side.cast((kind, near), &self.packets.cast, casters);
-                self.packets.sphere_casters.call(&points, &casters.spheres, groups);
-                self.packets.triangle_casters.call(&points, &casters.triangles, groups);
+                self.packets.meet.call(points.points, groups, culls, &mut casters.list);
+                if kind == 0 {
+                    self.packets.sphere_casters.call(&points, &casters.spheres, &casters.list, groups);
+                } else {
+                    side.make_met(casters);
+                    self.packets.triangle_casters.call(&points, &casters.triangles, &casters.list, groups);
+                }
             }
         }
     }
@@ -297,12 +300,19 @@ impl<E: Element> TileTracer<'_, E> {
 /// is seen from outside, but for what is dark by the law of shading.
 fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     let &PointObject { x, y, z, a, b, own, .. } = object;
-    let is_sphere = a != 0.0 || b != 0.0;
-    own >= 0.0 && (is_sphere || DVec3::new(x, y, z).dot(light) < 1.0)
+    // Without branches.
+    (own >= 0.0) & ((a != 0.0) | (b != 0.0) | (DVec3::new(x, y, z).dot(light) < 1.0))
+}
+
+/// The lowest bits of 16 bytes.
+fn bits(of: u128) -> u32 {
+    // No two products of a bit meet, and those of the eight are in the last byte in their order.
+    let eight = |of: u64| (of & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+    (eight(of as u64) | eight((of >> 64) as u64) << 8) as u32
 }
 
 /// The least and the greatest coordinates of points; those of nobody are no numbers.
-fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints<f64>) -> [DVec3; 2] {
+fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints) -> [DVec3; 2] {
     let of = |sign: f64| {
         [x, y, z].map(|field| {
             let least = |a: [f64; 8], b: &[f64; 8]| {
@@ -317,16 +327,20 @@ fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints<f64>) -> [DVec3; 2] {
 
 /// The ends of all points on a side: those of groups without one are infinite.
 fn ends(LitGroups { x, y, past_x, past_y, depth, .. }: &LitGroups) -> Ends {
-    [x, y, past_x, past_y, depth].map(|field| {
-        // Several at a time: of one alone each waits for the one before.
-        let least = |a: [f32; 8], b: &[u32; 8]| std::array::from_fn(|i| a[i].min(f32::from_bits(b[i])));
-        let least = field.as_chunks().0.iter().fold([f32::INFINITY; 8], least);
-        least.into_iter().fold(f32::INFINITY, f32::min)
-    })
+    [x, y, past_x, past_y, depth].map(|field| least(|group| f32::from_bits(field[group])))
 }
 
 /// The farthest open point of all.
 fn farthest(LitGroups { depth, open, .. }: &LitGroups) -> f32 {
-    let of_open = depth.iter().zip(open).filter(|(_, open)| **open != 0);
-    -of_open.fold(f32::INFINITY, |least, (end, _)| least.min(f32::from_bits(*end)))
+    -least(|group| if open[group] != 0 { f32::from_bits(depth[group]) } else { f32::INFINITY })
+}
+
+/// The least of what groups have.
+fn least(of: impl Fn(usize) -> f32) -> f32 {
+    // Several at a time: of one alone each waits for the one before.
+    let mut all = [f32::INFINITY; 8];
+    for group in (0..GROUPS).step_by(all.len()) {
+        all = std::array::from_fn(|i| if of(group + i) < all[i] { of(group + i) } else { all[i] });
+    }
+    all.into_iter().fold(f32::INFINITY, f32::min)
 }

@@ -1,0 +1,213 @@
+; meet.asm - which objects may hide a light from which points of a tile: those that a group of points meets.
+;
+; A group meets an object if their bounds do, as the light sees both, and if it is not the one that all of its points
+; belong to: blocks of 16 objects are tested for LANES groups at once, then 16 objects for each group. A triangle must
+; also have an open point of the group within its edges, and not one of its own: c + a x + b y is at least 0, eq. 10 in
+; the light's picture. What may be rounded is in c, so that none is culled that hides a point; few are left for f64.
+;
+; Assembled once per ISA, in f32. unsafe extern "sysv64" fn(task: *const MeetTask) -> u64
+;
+;   rayo_<isa>_meet
+;
+;   returns     how many pairs of a group and an object met: MOST_CASTERS times the group plus the object, sorted
+;   registers   rdi task; r12 the group, from which LitGroups' fields are counted, r13d the same in a pair; ebx those of
+;               its BLOCKS that are left; r9 bounds, r15 the next pair; v0 to v5 the bounds of groups. Then r14 a pair,
+;               r10 the same, r11 where the next that is left goes; r9 edges, rcx those of a triangle, rdx points, v0 v1
+;               where they are seen, r8d those that are open, rsi all groups
+;   writes      met, up to 15 pairs past the last
+;   requires    the CPUID features of the ISA; all addresses valid for what is read and written; x of bounds beyond the
+;               last object and the last block is no number
+;   equals      kernels::portable::shadows::meet
+
+%define BLOCKS rsp                      ; for each group a bit for each block that it meets
+
+; MEETS - the mask = the lanes where the ends in v0 to v4 meet bounds and, with six fields, v5 is not their own.
+;         Clobbers v13 and v14.
+;
+;   equals        kernels::shadows::CasterList::set_met
+%macro MEETS 3
+%define %%at %1         ; [in]       address of bounds
+%define %%fields %2     ; [in]       5 or 6
+%define %%spread %3     ; [in]       1: of one with all lanes; 0: of LANES each with its lane
+%assign %%n 0
+%rep %%fields
+%if %%spread
+    ELEMENT_OPERAND [%%at + CasterBounds_size / 6 * %%n], v14
+%else
+%define ONE [%%at + CasterBounds_size / 6 * %%n]
+%endif
+%if %%n == 0
+    MASK_NOT_GREATER v0, ONE
+%elif %%n < 5
+    MASK_AND_NOT_GREATER v%[%%n], ONE, v13
+%else
+    MASK_AND_UNEQUAL v5, ONE, v13
+%endif
+%assign %%n %%n + 1
+%endrep
+%endmacro
+
+; EDGE_OF_CASTER - d = c + a x + b y of the triangle at rcx. Clobbers v13, v14.
+;
+;   instructions   sse41 12   avx2 5   avx512 3
+;   critical path  load -> fma -> fma
+%macro EDGE_OF_CASTER 2
+%define %%d %1          ; [out]      vreg
+%define %%n %2          ; [in]       1, 2 or 3
+    VSPREAD %%d, [rcx + CasterEdges.c%[%%n]]
+    ELEMENT_OPERAND [rcx + CasterEdges.a%[%%n]], v14
+    VFMA    %%d, v0, ONE, v13
+    ELEMENT_OPERAND [rcx + CasterEdges.b%[%%n]], v14
+    VFMA    %%d, v1, ONE, v13
+%endmacro
+
+; MEET - the function.
+%macro MEET 0
+FUNC ISA %+ _meet
+    ENTER_OWNED 4 * TILE_WIDTH * TILE_HEIGHT / GROUP, VBYTES
+    mov     rax, [rdi + MeetTask.groups]
+    xor     r12d, r12d
+.groups:
+%assign %%n 0
+%rep 5
+    VMOV    v%[%%n], [rax + r12 + LitGroups_size / 7 * %%n]
+%assign %%n %%n + 1
+%endrep
+    VZERO   v9
+    VMOV    v10, [PACKET(first_bit)]
+    mov     r9, [rdi + MeetTask.blocks]
+    mov     r10, [rdi + MeetTask.block_count]
+.groups_block:
+    MEETS   r9, 5, 1
+    VMOV    v7, v10
+    MASK_KEEP v7
+    IOR     v9, v9, v7
+    IOP     paddd, v10, v10, v10
+    add     r9, 4
+    dec     r10d
+    jnz     .groups_block
+    VMOV_TO [BLOCKS + r12], v9
+    add     r12d, VBYTES
+    cmp     r12d, 4 * TILE_WIDTH * TILE_HEIGHT / GROUP
+    jb      .groups
+
+    xor     r12d, r12d
+    xor     r13d, r13d
+    mov     r15, [rdi + MeetTask.met]
+.group:
+    mov     rax, [rdi + MeetTask.groups]
+    add     rax, r12
+    mov     ebx, [BLOCKS + r12]
+    cmp     dword [rax + LitGroups.open], 0
+    je      .next_group
+    test    ebx, ebx
+    jz      .next_group
+%assign %%n 0
+%rep 6
+    VSPREAD v%[%%n], [rax + LitGroups_size / 7 * %%n]
+%assign %%n %%n + 1
+%endrep
+.block:
+    bsf     ecx, ebx
+    lea     eax, [rbx - 1]
+    imul    r9, rcx, CasterBounds_size
+    shl     ecx, 4
+    or      ecx, r13d
+    add     r9, [rdi + MeetTask.bounds]
+    and     ebx, eax
+%if HAS_MASKS
+    MEETS   r9, 6, 0
+    MASK_BITS eax
+    vpbroadcastd v6, ecx
+    vpaddd  v6, v6, [PACKET(of_block)]
+    vpcompressd v6 {MASK} {z}, v6
+    VSTORE  [r15], v6
+    popcnt  eax, eax
+    lea     r15, [r15 + 4 * rax]
+%else
+%assign %%first 0
+%rep 16 / LANES
+    MEETS   r9 + 4 * %%first, 6, 0
+    MASK_BITS eax
+    test    eax, eax
+    jz      .culled%[%%first]
+.meets%[%%first]:
+    bsf     edx, eax
+    lea     edx, [rcx + rdx + %%first]
+    mov     [r15], edx
+    add     r15, 4
+    lea     edx, [rax - 1]
+    and     eax, edx
+    jnz     .meets%[%%first]
+.culled%[%%first]:
+%assign %%first %%first + LANES
+%endrep
+%endif
+    test    ebx, ebx
+    jnz     .block
+.next_group:
+    add     r13d, MOST_CASTERS
+    add     r12, 4
+    cmp     r12d, 4 * TILE_WIDTH * TILE_HEIGHT / GROUP
+    jb      .group
+
+    mov     r9, [rdi + MeetTask.edges]
+    mov     r14, [rdi + MeetTask.met]
+    test    r9, r9
+    jz      .done
+    mov     rsi, [rdi + MeetTask.groups]
+    mov     r11, r14
+    jmp     .next
+align 16
+.pair:
+    mov     r10d, [r14]
+    movzx   ecx, r10b
+    mov     edx, r10d
+    mov     eax, ecx
+    shr     edx, ilog2e(MOST_CASTERS)
+    shr     ecx, 4
+    and     eax, 15
+    imul    ecx, ecx, CasterEdges_size
+    mov     r8d, [rsi + 4 * rdx + LitGroups.open]
+    lea     rcx, [rcx + 4 * rax]
+    shl     edx, ilog2e(4 * GROUP)
+    add     rcx, r9
+    add     rdx, [rdi + MeetTask.points]
+    add     r14, 4
+%assign %%first 0
+%rep GROUP / LANES
+    VMOV    v0, [rdx + TilePoints.seen + 4 * %%first]
+    VMOV    v1, [rdx + TilePoints.seen + 4 * TILE_WIDTH * TILE_HEIGHT + 4 * %%first]
+    EDGE_OF_CASTER v6, 1
+    EDGE_OF_CASTER v7, 2
+    EDGE_OF_CASTER v8, 3
+    VMIN    v6, v6, v7
+    VMIN    v6, v6, v8
+    MASK_NOT_LESS v6, [PACKET(zeros)]
+    VSPREAD v6, [rcx + CasterEdges.own]
+    MASK_AND_UNEQUAL v6, [rdx + TilePoints.own + 4 * %%first], v13
+    MASK_BITS eax
+%if %%first > 0
+    shl     eax, %%first
+%endif
+    test    r8d, eax
+    jnz     .within
+%assign %%first %%first + LANES
+%endrep
+.next:
+    cmp     r14, r15
+    jb      .pair
+    jmp     .pairs_done
+.within:
+    mov     [r11], r10d
+    add     r11, 4
+    jmp     .next
+.pairs_done:
+    mov     r15, r11
+.done:
+    mov     rax, r15
+    sub     rax, [rdi + MeetTask.met]
+    shr     rax, 2
+    LEAVE_OWNED
+ENDFUNC
+%endmacro
