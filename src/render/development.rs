@@ -85,7 +85,7 @@ impl<'a> Developed<'a> {
         let Development { samples, background, exposure, srgb } = self.development;
         let scale = exposure.exp2() / f64::from(samples * samples);
         // The level of one sample is that of its light.
-        let as_it_is = scale == 1.0 && samples == 1 && !srgb && P::film(&mut []).format().is_8bit();
+        let as_it_is = scale == 1.0 && samples == 1 && !srgb;
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
         let together = (self.together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
