@@ -218,6 +218,8 @@ pub struct CasterList {
     met_count: usize,
 }
 
+const _: () = assert!(MOST_CASTERS == 256, "the number of an object is the last byte of a pair");
+
 /// The number of an object that a group meets.
 pub(super) fn number(met: u32) -> usize {
     met as usize % MOST_CASTERS
@@ -265,6 +267,7 @@ impl CasterList {
     /// If there is no room.
     pub fn push(&mut self, Extent { low, high, depth, first, count }: &Extent) {
         assert!(self.count + *count as usize <= MOST_CASTERS, "{count} casters more than {}", self.count);
+        self.have_edges = false;
         let ends = [-low[0], -low[1], high[0], high[1], -depth];
         let (mut next, end) = (own_bits(*first), own_bits(first + count));
         while next < end {

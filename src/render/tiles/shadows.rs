@@ -199,7 +199,8 @@ impl<E: Element> TileTracer<'_, E> {
         owners.resize(order.len(), false);
         for (ids, own) in ids.as_chunks::<GROUP>().0.iter().zip(&mut groups.own) {
             let id = ids[0] as usize;
-            let is_one = *ids == [ids[0]; GROUP];
+            // All at once: comparing arrays is a call.
+            let is_one = ids.iter().fold(0, |different, id| different | (id ^ ids[0])) == 0;
             *own = if is_one && id > 0 { own_bits(order[id] - 1) } else { 0 };
             let different = if is_one { &ids[..1] } else { &ids[..] };
             different.iter().for_each(|id| owners[*id as usize] = true);
