@@ -285,9 +285,7 @@ impl CasterList {
             if *count == 1 {
                 bounds.ends().into_iter().zip(ends).for_each(|(field, end)| field[at] = end.to_bits());
             }
-            for (own, place) in bounds.own[at..].iter_mut().zip(next..end) {
-                *own = place;
-            }
+            bounds.own[at..].iter_mut().zip(next..end).for_each(|(own, place)| *own = place);
             let here = (BLOCK - at).min((end - next) as usize);
             self.count += here;
             next += here as u32;

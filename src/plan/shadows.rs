@@ -198,10 +198,9 @@ impl Side {
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y, slack };
         let mut unsorted = Vec::with_capacity(runs.len());
         for run in runs {
-            if let Some(of) = Bounds::of_box(run.ends.map(|v| v - light), number) {
-                let extent = extent(&view, &of, run);
-                unsorted.push((extent, Place::of(&extent)));
-            }
+            let Some(of) = Bounds::of_box(run.ends.map(|v| v - light), number) else { continue };
+            let extent = extent(&view, &of, run);
+            unsorted.push((extent, Place::of(&extent)));
         }
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let (grids, starts, objects) = Grid::of(&unsorted, (FINEST / useful).ilog2());
