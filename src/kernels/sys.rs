@@ -1,4 +1,4 @@
-//! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning, pages, prefetching.
+//! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning and pages.
 
 use std::io;
 use std::ops::{Deref, DerefMut};
@@ -179,29 +179,6 @@ fn large_pages<T>(room: &mut Vec<T>) {
 /// Large pages are not supported on this system.
 #[cfg(not(target_os = "linux"))]
 fn large_pages<T>(_: &mut Vec<T>) {}
-
-/// Prefetches what will soon be read into the core's second-level cache. Only a hint, too.
-pub fn ask_for<T>(soon: &[T]) {
-    #[cfg(target_arch = "x86_64")]
-    for line in soon.as_ptr_range().start.addr() / 64..soon.as_ptr_range().end.addr().div_ceil(64) {
-        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
-        // SAFETY: a hint, which reads nothing and never faults, whatever the address.
-        unsafe { _mm_prefetch::<_MM_HINT_T1>(std::ptr::without_provenance(64 * line)) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = soon;
-}
-
-/// Prefetches what will soon be written: another core that has read it gives it up, which takes longer than a store can wait.
-pub fn ask_to_write<T>(soon: &[T]) {
-    #[cfg(all(target_arch = "x86_64", not(miri)))]
-    for line in soon.as_ptr_range().start.addr() / 64..soon.as_ptr_range().end.addr().div_ceil(64) {
-        // SAFETY: a hint, which writes nothing and never faults, whatever the address; no operation where it is unknown.
-        unsafe { std::arch::asm!("prefetchw [{}]", in(reg) 64 * line, options(nostack, preserves_flags)) };
-    }
-    #[cfg(not(all(target_arch = "x86_64", not(miri))))]
-    let _ = soon;
-}
 
 /// The cores that a thread may run on.
 #[cfg(target_os = "linux")]

@@ -552,7 +552,6 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// Adds the spheres that may be visible in a tile, except those in many tiles.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Candidate>) {
         let bins = &self.binned.of_spheres;
-        bins.ask_for(tile);
         bins.of_tile(tile).for_each(|candidates| spheres.extend_from_slice(candidates));
     }
 
@@ -567,7 +566,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         mut say: impl FnMut(&[Candidate]),
     ) {
         let bins = &self.binned.of_triangles[kind];
-        bins.ask_for(tile);
         let mut lists = bins.of_tile(tile).filter(|candidates| !candidates.is_empty());
         if let (true, Some(only), None) = (room.is_empty(), lists.next(), lists.next()) {
             return only.chunks(MOST_AT_ONCE).for_each(say);

@@ -15,7 +15,7 @@ use self::nearest::{Scratch, SoFar, TileObjects};
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing};
 use crate::kernels::{
     Element, ElementKernels, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
-    TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4, sys,
+    TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4,
 };
 use crate::plan::{Keep, Omission, Raster, Report, TilePlace, Tiles, Weighted};
 use crate::scene::Scene;
@@ -136,7 +136,6 @@ impl<E: Element> TileTracer<'_, E> {
         let (mut scratches, rest) = (self.scratches(), misses.rest.unwrap_or(P::of_linear(&Vec4::ZERO)));
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let first = first_pixel(window, &rows, width);
-            ask_for_next(out, window, first, width);
             let own = TileOut { pixels: &mut *out, first, width };
             if !self.trace_tile(tile, window, own, &mut scratches, &mut misses) {
                 rows_of(out, window, first, width).for_each(|row| row.fill(rest));
@@ -160,7 +159,6 @@ impl<E: Element> TileTracer<'_, E> {
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {
             let first = first_pixel(window, &rows, width);
-            ask_for_next(out, window, first, width);
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
             let is_empty = !self.trace_tile(tile, window, own, &mut scratches, &mut misses);
             for (four, row) in four.chunks(TILE_WIDTH).zip(rows_of(out, window, first, width)) {
@@ -287,15 +285,6 @@ impl<E: Element> TileTracer<'_, E> {
             buffers.fill_rest(self.kernels.lanes, window, rest, TileOut { pixels: &mut *pixels, first, width });
         }
         true
-    }
-}
-
-/// Prefetches the pixels to the right of a window: they are written next, in a piece of each row, which a core cannot predict.
-fn ask_for_next<P>(out: &[P], window: &TileWindow, first: usize, width: usize) {
-    let left = width - window.column as usize - window.columns as usize;
-    for row in 0..window.rows.len() {
-        let next = first + row * width + window.columns as usize;
-        sys::ask_to_write(&out[next..next + left.min(TILE_WIDTH)]);
     }
 }
 

@@ -176,11 +176,6 @@ impl Bins {
         self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
 
-    /// Prefetches all of these at once: one after another, each list would cost a cache miss.
-    pub(super) fn ask_for(&self, tile: TilePlace) {
-        self.of_tile(tile).for_each(sys::ask_for);
-    }
-
     /// Adds objects in many tiles that may be visible in this one, the nearest first: up to `count` of them, from place
     /// `next` in the row of tiles on, which is advanced. It stops at objects that cannot be at `least` or nearer.
     /// Returns whether more may come.
