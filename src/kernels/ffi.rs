@@ -11,9 +11,7 @@ use super::records::{
     TrianglePlanes,
 };
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
-use super::tiles::{
-    Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
-};
+use super::tiles::{Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
@@ -143,8 +141,6 @@ tables! { $
         sphere_bounds: Bounds<Sphere> = "sphere_bounds";
         /// Partitions the objects of a tile into nearer and farther ones.
         nearer_half: NearerHalf = "nearer_half";
-        /// Culls the hidden objects of a tile.
-        visible: Visible = "visible";
         /// How a light sees the points of a tile.
         seen: Seen = "seen";
         /// How it sees triangles.

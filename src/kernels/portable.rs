@@ -21,9 +21,7 @@ use super::records::{
 #[cfg(feature = "lab")]
 use super::records::{LitRows, LitSphere};
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
-use super::tiles::{
-    Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
-};
+use super::tiles::{Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::Vec4;
 
 /// Whether the compiler may use an instruction that adds a product and rounds once.
@@ -56,7 +54,6 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
         bounds: Bounds::<Triangle>::in_rust(set_up::bounds::<Packet<f32, N, FUSED>>, "bounds"),
         sphere_bounds: Bounds::<Sphere>::in_rust(spheres::bounds::<Packet<f64, HALF, FUSED>>, "sphere_bounds"),
         nearer_half: NearerHalf::in_rust(nearest::nearer_half, "nearer_half"),
-        visible: Visible::in_rust(nearest::visible, "visible"),
         seen: Seen::in_rust(shadows::seen::<Packet<f64, HALF, FUSED>>, "seen"),
         cast: Cast::in_rust(shadows::cast::<Packet<f64, HALF, FUSED>>, "cast"),
         meet: Meet::in_rust(shadows::meet::<Packet<f32, N, FUSED>>, "meet"),

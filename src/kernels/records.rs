@@ -209,19 +209,6 @@ unsafe impl Plain for Candidate {
     const ZERO: Self = Candidate { id: 0, columns: 0, rows: 0, most: 0.0 };
 }
 
-/// For the kernel `visible`.
-#[repr(C)]
-pub(super) struct VisibleView {
-    pub column: u32,
-    pub next_column: u32,
-    pub first_column: u32,
-    pub last_column: u32,
-    pub row: u32,
-    pub next_row: u32,
-    pub first_row: u32,
-    pub last_row: u32,
-}
-
 /// The number of rows in [`LitRows`].
 pub const LIT_ROWS: usize = 64;
 

@@ -8,7 +8,7 @@ use super::records::{
     AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, MOST_LANES, NearestTask,
     ObjectLight, PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
     TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView,
-    Triangle, TriangleArrays, TrianglePlanes, VisibleTask, VisibleView,
+    Triangle, TriangleArrays, TrianglePlanes,
 };
 use super::types::Plain;
 
@@ -20,22 +20,6 @@ const MOST_ID: usize = 1 << 24;
 
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
-
-/// The hierarchical depth of a tile: the least 1/t in each part, 0 if a pixel has no hit, in f32, which preserves its
-/// order. For each part alone; with its right neighbour; with the one below; and with both and the one between these.
-pub struct Parts([[f32; TILE_PARTS]; 4]);
-
-impl Parts {
-    /// From the depth of each part alone, row by row.
-    pub fn new(alone: [f32; TILE_PARTS]) -> Self {
-        // No lookup goes beyond the last part.
-        let with_next = |of: [f32; TILE_PARTS], step: usize| -> [f32; TILE_PARTS] {
-            std::array::from_fn(|i| of[i].min(of[(i + step) % TILE_PARTS]))
-        };
-        let (with_right, down) = (with_next(alone, 1), TILE_WIDTH / PART_SIDE);
-        Parts([alone, with_right, with_next(alone, down), with_next(with_right, down)])
-    }
-}
 
 // The references prove the addresses of views and slices, of which kernels read and write what the tasks say; any bits
 // are values of what they write.
@@ -118,38 +102,6 @@ kinds! {
             }
             Way::Rust(find) => find(&buffers.tile),
         }
-    }
-
-    /// Culls the hidden objects of a tile.
-    Visible as fn(&mut [Candidate], usize, &[f32; TILE_PARTS], &TileWindow) -> usize;
-
-    /// Moves those of the first `count` candidates to the front, in order, that may be visible in the window, and
-    /// returns their number. The others are all behind the hierarchical depth of the parts of the tile, within the
-    /// window, where they may be. The list after them is overwritten. There must be room up to a whole register.
-    fn call(candidates: &mut [Candidate], count: usize, parts: &Parts, window: &TileWindow) -> usize; |way| {
-        window.check();
-        if count == 0 {
-            return 0;
-        }
-        // Behind everything, even behind pixels without a hit.
-        candidates[count..count.next_multiple_of(MOST_LANES)].fill(Candidate { most: -1.0, ..Candidate::ZERO });
-        let enter = match way {
-            Way::Code(enter) => enter,
-            Way::Rust(keep) => return keep(candidates, count, &parts.0[0], window),
-        };
-        let TileWindow { column, row, columns, rows } = window;
-        let view = VisibleView {
-            column: *column,
-            next_column: column + 1,
-            first_column: 0,
-            last_column: columns - 1,
-            row: *row,
-            next_row: row + 1,
-            first_row: rows.start,
-            last_row: rows.end - 1,
-        };
-        let task = VisibleTask { candidates: writes(candidates), count: count as u64, parts: reads(&parts.0) };
-        enter([reads(&view), reads(&task), 0, 0, 0, 0]) as usize
     }
 
     /// Finds the nearest wall of a sphere around the camera or beside it.

@@ -12,9 +12,9 @@ use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
     BoundsView, CHUNK, Candidate, Element, ElementKernels, LIT_ROWS, LitGroups, LitPoints, LitRow, LitRows, LitSphere,
-    Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
-    SphereRecords, TILE_PARTS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, TriangleList,
-    Vec4, own_bits, packet_symbols,
+    Narrow, ObjectList, PacketKernels, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk, SphereRecords,
+    TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, TriangleList, Vec4, own_bits,
+    packet_symbols,
 };
 use rayo::plan::{Casters, Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
@@ -105,8 +105,7 @@ kernels! {
     tile_rgba8: single.tiles.rgba8, double.tiles.rgba8; tile_cases(), tiles;
     bounds: bounds; tile_cases(), tiles;
     sphere_bounds: sphere_bounds; tile_cases(), tiles;
-    nearer_half: nearer_half; list_cases(), lists;
-    visible: visible; list_cases(), lists;
+    nearer_half: nearer_half; list_cases(), |table, candidates| lists(table, candidates);
     lit_f32x4: single.lit.f32x4, single.grey.f32x4, double.lit.f32x4, double.grey.f32x4;
         lit_cases(), |table, case| lit!(table, case, f32x4, Vec4::from([7.0; 4]));
     lit_f32x4_fast: single.lit.f32x4_fast, single.grey.f32x4_fast, double.lit.f32x4_fast, double.grey.f32x4_fast;
@@ -479,44 +478,19 @@ fn shaded<E: Element>(
     made
 }
 
-/// Candidates of a tile, and what hides in it.
-#[derive(Clone, Debug)]
-struct ListCase {
-    candidates: Vec<Candidate>,
-    farthest: [f32; TILE_PARTS],
-    window: TileWindow,
-}
-
-fn list_cases() -> Vec<ListCase> {
+/// The candidates of tiles.
+fn list_cases() -> Vec<Vec<Candidate>> {
     let mut rng = Rng::new(seed());
-    let case = |count| {
-        let mut from = |first: u32, count: u32| first + rng.next_u64() as u32 % count;
-        let mut bounds = |first: u32| {
-            let start = from(first - 20, 100);
-            start | (start + from(1, 20) * [1, 1, 1, 4][from(0, 4) as usize]) << 16
-        };
-        let mut candidates: Vec<_> =
-            (0..count).map(|id| Candidate { id, columns: bounds(128), rows: bounds(64), most: 0.0 }).collect();
-        candidates.iter_mut().for_each(|c| c.most = [0.0, 0.5, 1.0, 1.5, 1.75, f32::MAX][from(0, 6) as usize]);
-        let farthest = std::array::from_fn(|_| from(0, 4) as f32);
-        let columns = choose(&mut rng, &[64, 64, 5, 33]);
-        let window = TileWindow { column: 128, row: 64, columns, rows: if count % 3 == 0 { 9..11 } else { 0..32 } };
-        ListCase { candidates, farthest, window }
-    };
-    (1..70).chain([200]).map(case).collect()
+    let mut any = || choose(&mut rng, &[0.0, 0.5, 1.0, 1.5, 1.75, f32::MAX]);
+    let mut case = |count| (0..count).map(|id| Candidate { id, most: any(), ..Candidate::default() }).collect();
+    (1..70).chain([200]).map(&mut case).collect()
 }
 
-/// Lists of candidates, cut in two and culled.
-fn lists(kernels: &'static PacketKernels, ListCase { candidates, farthest, window }: &ListCase) -> Made {
-    let (candidates, count) = (candidates.clone(), candidates.len());
-    let (mut nearer, mut farther) = (candidates.clone(), candidates.clone());
-    let near = kernels.nearer_half.call(&candidates, &mut nearer, &mut farther);
-    let halves = format!("{:?}", (&nearer[..near], &farther[..count - near]));
-    let mut room = candidates;
-    room.resize(count.next_multiple_of(16), Candidate::default());
-    let mut room = room.clone();
-    let left = kernels.visible.call(&mut room, count, &Box::new(Parts::new(*farthest)), window);
-    vec![("two halves", halves), ("the visible", format!("{:?}", &room[..left]))]
+/// Lists of candidates, cut in two.
+fn lists(kernels: &'static PacketKernels, candidates: &[Candidate]) -> Made {
+    let (mut nearer, mut farther) = (candidates.to_vec(), candidates.to_vec());
+    let near = kernels.nearer_half.call(candidates, &mut nearer, &mut farther);
+    vec![("two halves", format!("{:?}", (&nearer[..near], &farther[..candidates.len() - near])))]
 }
 
 /// Rows of a sphere under one light, by random numbers.

@@ -1,6 +1,6 @@
-//! Finding the nearest object at each pixel of a tile, and culling the objects that are hidden.
+//! Finding the nearest object at each pixel of a tile, and what culling hidden objects needs.
 //!
-//! The twins of asm/tracers/nearest.asm, around.asm, farthest.asm, visible.asm and nearer_half.asm.
+//! The twins of asm/tracers/nearest.asm, around.asm, farthest.asm and nearer_half.asm.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -262,25 +262,4 @@ pub fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: 
         (near, far) = (near + usize::from(is_near), far + usize::from(!is_near));
     }
     near
-}
-
-/// Moves to the front those of the first `count` that the depth of some square within their bounds does not hide.
-pub fn visible(candidates: &mut [Candidate], count: usize, farthest: &[f32; TILE_PARTS], window: &TileWindow) -> usize {
-    let mut left = 0;
-    for i in 0..count {
-        let Candidate { columns, rows, most, .. } = candidates[i];
-        // Bounds beside the window are moved to its edge.
-        let parts = |bounds: u32, tile: u32, window: Range<u32>| {
-            let first = (bounds & 0xffff).max(tile + window.start) - tile;
-            let last = (bounds >> 16).min(tile + window.end).saturating_sub(tile + 1);
-            first as usize / PART_SIDE..=last as usize / PART_SIDE
-        };
-        let columns = parts(columns, window.column, 0..window.columns);
-        let mut rows = parts(rows, window.row, window.rows.clone());
-        let hides = |row: usize| columns.clone().all(|column| farthest[row * (TILE_WIDTH / PART_SIDE) + column] > most);
-        let is_hidden = rows.all(hides);
-        candidates[left] = candidates[i];
-        left += usize::from(!is_hidden);
-    }
-    left
 }

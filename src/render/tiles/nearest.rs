@@ -4,8 +4,8 @@ use super::TileTracer;
 use super::shadows::ShadowScratch;
 use super::spheres::TileSpheres;
 use crate::kernels::{
-    CHUNK, Candidate, Element, ObjectList, Parts, SphereChunk, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileShade,
-    TileView, TileWindow, TriangleChunk,
+    CHUNK, Candidate, Element, ObjectList, PART_SIDE, SphereChunk, TILE_HEIGHT, TILE_PARTS, TILE_WIDTH, TileBuffers,
+    TileShade, TileView, TileWindow, TriangleChunk,
 };
 use crate::plan::{LargeInRow, LargeObjects, Omission, TilePlace, Weighted};
 
@@ -245,8 +245,8 @@ impl<E: Element> TileTracer<'_, E> {
             let mut left = count;
             if buffers.has_somebody() {
                 let (parts, least) = farthest.get_or_insert_with(|| self.farthest(buffers, window));
-                left = not_behind(layer, count, *least);
-                left = self.packets.visible.call(layer, left, parts, window);
+                left = not_behind(&mut layer[..count], *least);
+                left = visible(&mut layer[..left], parts, window);
             }
             if left > 0 {
                 trace(&layer[..left], buffers);
@@ -257,11 +257,11 @@ impl<E: Element> TileTracer<'_, E> {
         starts.iter().rev().for_each(|(start, count)| trace_layer(&mut others[*start..], *count));
     }
 
-    /// The hierarchical depth of a tile, and the least 1/t in all of it.
-    fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> (Parts, f32) {
+    /// The hierarchical depth of a tile, in f32, which preserves its order, and the least 1/t in all of it.
+    fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> ([f32; TILE_PARTS], f32) {
         buffers.close_around(self.kernels.lanes, window);
-        let alone = self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32);
-        (Parts::new(alone), alone.into_iter().fold(f32::MAX, f32::min))
+        let parts = self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32);
+        (parts, parts.into_iter().fold(f32::MAX, f32::min))
     }
 
     /// Traces the spheres of a tile: first those that are not in front.
@@ -315,17 +315,45 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// Moves those of the first `count` to the front, in order, that are not behind all of a tile; returns their number.
-fn not_behind(candidates: &mut [Candidate], count: usize, least: f32) -> usize {
+/// Moves those candidates to the front, in order, that are not behind all of a tile; returns their number.
+fn not_behind(candidates: &mut [Candidate], least: f32) -> usize {
     if least <= 0.0 {
-        return count;
+        return candidates.len();
     }
-    let mut left = 0;
-    for i in 0..count {
-        candidates[left] = candidates[i];
-        left += usize::from(candidates[i].most >= least);
+    let mut count = 0;
+    for i in 0..candidates.len() {
+        candidates[count] = candidates[i];
+        count += usize::from(candidates[i].most >= least);
     }
-    left
+    count
+}
+
+/// Moves those candidates to the front, in order, that may be visible in the window, and returns their number. The others are
+/// behind all of the parts of the tile, within the window, where they may be.
+fn visible(candidates: &mut [Candidate], parts: &[f32; TILE_PARTS], window: &TileWindow) -> usize {
+    const ACROSS: usize = TILE_WIDTH / PART_SIDE;
+    // The first and the last part, across or down; the last one comes first if there is none.
+    let ends = |bounds: u32, tile: u32, [start, end]: [u32; 2]| {
+        let first = (bounds & 0xffff).max(tile + start) - tile;
+        let last = (bounds >> 16).min(tile + end).saturating_sub(tile + 1);
+        [first, last].map(|pixel| pixel as usize / PART_SIDE)
+    };
+    let mut count = 0;
+    for i in 0..candidates.len() {
+        let candidate = candidates[i];
+        let [left, right] = ends(candidate.columns, window.column, [0, window.columns]);
+        let [top, bottom] = ends(candidate.rows, window.row, [window.rows.start, window.rows.end]);
+        let hides = |row: usize, column: usize| parts[(row * ACROSS + column) % TILE_PARTS] > candidate.most;
+        let is_hidden = if right.wrapping_sub(left) < 2 && bottom.wrapping_sub(top) < 2 {
+            // A branch would be mispredicted.
+            hides(top, left) & hides(top, right) & hides(bottom, left) & hides(bottom, right)
+        } else {
+            (top..=bottom).all(|row| (left..=right).all(|column| hides(row, column)))
+        };
+        candidates[count] = candidate;
+        count += usize::from(!is_hidden);
+    }
+    count
 }
 
 /// Drops the objects of a tile, from id `first` on, that have no pixel, and renumbers the others from there on. Returns
