@@ -58,31 +58,6 @@
     jnz     %%four
 %endmacro
 
-; CORNER - loads a corner in the axes of the side.
-;
-;   instructions   3
-%macro CORNER 4
-%define %%x %1          ; [out]      vreg
-%define %%y %2          ; [out]      vreg
-%define %%z %3          ; [out]      vreg
-%define %%n %4          ; [in]       0, 1 or 2
-    WIDEN   %%x, [rbx + CORNER_BYTES * %%n]
-    WIDEN   %%y, [rcx + CORNER_BYTES * %%n]
-    WIDEN   %%z, [rdx + CORNER_BYTES * %%n]
-%endmacro
-
-; FROM_LIGHT - a = a - L.
-;
-;   instructions   3
-%macro FROM_LIGHT 3
-%define %%x %1          ; [in/out]   vreg
-%define %%y %2          ; [in/out]   vreg
-%define %%z %3          ; [in/out]   vreg
-    VSUB    %%x, %%x, K(LightSideView.across)
-    VSUB    %%y, %%y, K(LightSideView.down)
-    VSUB    %%z, %%z, K(LightSideView.depth)
-%endmacro
-
 ; STORE_SELECTED - stores v<n> as f32 where the mask is, and what is in v<other> elsewhere, which v<other> becomes.
 ;
 ;   instructions   sse41 6 (select, copy, narrow, store)   avx2, avx512 4
@@ -135,8 +110,12 @@
 %rep 3
 %assign %%x 2 * %%n
 %assign %%y 2 * %%n + 1
-    CORNER  v%[%%x], v%[%%y], v14, %%n
-    FROM_LIGHT v%[%%x], v%[%%y], v14
+    WIDEN   v%[%%x], [rbx + CORNER_BYTES * %%n]
+    WIDEN   v%[%%y], [rcx + CORNER_BYTES * %%n]
+    WIDEN   v14, [rdx + CORNER_BYTES * %%n]
+    VSUB    v%[%%x], v%[%%x], K(LightSideView.across)
+    VSUB    v%[%%y], v%[%%y], K(LightSideView.down)
+    VSUB    v14, v14, K(LightSideView.depth)
     VMUL    v14, v14, K(LightSideView.sign)
     VMOV    v12, [PACKET(ones)]
     VDIV    v12, v12, v14
@@ -256,23 +235,6 @@
     EDGE_OF_TRIANGLE 3, 2, 0, zeros, ones, 10
 %endmacro
 
-; AXES - three registers = the addresses of coordinates, from that of the first axis on, in the order of the side.
-;
-;   instructions   6
-%macro AXES 5
-%define %%across %1     ; [out]      general register
-%define %%down %2       ; [out]      general register
-%define %%depth %3      ; [out]      general register
-%define %%from %4       ; [in]       general register
-%define %%bytes %5      ; [in]       from axis to axis
-    imul    %%across, [rsi + CastTask.across], %%bytes
-    imul    %%down, [rsi + CastTask.down], %%bytes
-    imul    %%depth, [rsi + CastTask.depth], %%bytes
-    add     %%across, %%from
-    add     %%down, %%from
-    add     %%depth, %%from
-%endmacro
-
 ; CAST - the function.
 %macro CAST 0
 FUNC ISA %+ _cast
@@ -295,7 +257,12 @@ FUNC ISA %+ _cast
 %assign %%at %%at + VBYTES
 %endrep
     mov     r8, [rsi + CastTask.arrays]
-    AXES    rbx, rcx, rdx, r8, AXIS_BYTES
+    imul    rbx, [rsi + CastTask.across], AXIS_BYTES
+    imul    rcx, [rsi + CastTask.down], AXIS_BYTES
+    imul    rdx, [rsi + CastTask.depth], AXIS_BYTES
+    add     rbx, r8
+    add     rcx, r8
+    add     rdx, r8
     mov     r11d, 16 / LANES
 .packet:
     BOUNDS_OF_CASTERS
