@@ -71,7 +71,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
             write(output, |out| out.write_all(text.as_bytes()))?;
         }
         (_, to) => {
-            let scene = tell(open(input, &Camera::default(), None)?, *quiet);
+            let scene = tell(open(input, &Camera::default())?, *quiet);
             write_scene(&scene, output, to)?;
         }
     }

@@ -94,7 +94,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
 /// The plan of a scene, and what it is worth if that is asked for.
 fn plan(args: &PlanArgs, path: &Path) -> Result<PlanDocument, Failure> {
     let (engine, precision) = args.engine.chosen()?;
-    let scene = args.view.seen(tell(args.view.open(path, None)?, false))?;
+    let scene = args.view.seen(tell(args.view.open(path)?, false))?;
     let bytes = match &args.output {
         Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),
         None => Format::from_path(Path::new(&scene.name)).is_ok_and(|format| format.is_8bit()),

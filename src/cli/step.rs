@@ -118,7 +118,7 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
                 .map_err(failure)?
         }
         (None, Some(path)) => {
-            let scene = args.view.seen(tell(args.view.open(path, None)?, false))?;
+            let scene = args.view.seen(tell(args.view.open(path)?, false))?;
             let middle = Pixel(scene.camera.width() / 2, scene.camera.height() / 2);
             let Pixel(x, y) = args.pixel.unwrap_or(middle);
             let ray = Ray { engine, precision, pixel: (x, y), lane: args.lane, most: args.steps };

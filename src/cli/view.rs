@@ -80,16 +80,15 @@ impl ViewArgs {
         Ok(scene)
     }
 
-    /// The scene of a file, read by this many threads or one for each core; a mesh alone gets a camera of these.
-    pub(super) fn open(&self, path: &Path, threads: Option<usize>) -> Result<Opened, Failure> {
-        open(path, &self.camera(&Camera::default())?, threads)
+    /// The scene of a file; a mesh alone gets a camera of these.
+    pub(super) fn open(&self, path: &Path) -> Result<Opened, Failure> {
+        open(path, &self.camera(&Camera::default())?)
     }
 }
 
-/// The scene of a file, read by so many threads, or one for each core; a mesh alone is seen by `camera`.
-pub(super) fn open(path: &Path, camera: &Camera, threads: Option<usize>) -> Result<Opened, Failure> {
-    let opened = threads.map_or_else(|| scene::open(path, camera), |threads| scene::open_by(path, camera, threads));
-    opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))
+/// The scene of a file; a mesh alone is seen by `camera`.
+pub(super) fn open(path: &Path, camera: &Camera) -> Result<Opened, Failure> {
+    scene::open(path, camera).map_err(|error| Failure::input(error.render(colour_on_stderr())))
 }
 
 /// The scene, when all has been told of how it came to be, unless `quiet`, and of what is hardly meant in it.

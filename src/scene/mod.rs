@@ -1,6 +1,5 @@
 //! What is to be seen: [`Scene`], its lights and objects, and the ways to get one.
 
-mod bulk;
 mod camera;
 mod diagnostic;
 mod doubts;
@@ -36,11 +35,9 @@ pub(crate) use open::picture_name;
 #[cfg(feature = "lab")]
 pub(crate) use open::text_within;
 #[cfg(feature = "files")]
-pub use open::{MAX_TOML, SceneFormat, open, open_by, read};
+pub use open::{MAX_TOML, SceneFormat, open, read};
 pub use opened::Opened;
 pub use parse::parse;
-#[doc(hidden)]
-pub use parse::parse_with_care;
 pub use random::{Rng, many};
 #[cfg(feature = "files")]
 pub use tables::parse_toml;

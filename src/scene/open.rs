@@ -6,13 +6,12 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::bulk;
 use super::diagnostic::{is_unseen, shown};
 use super::log::is_line_end;
-use super::parse::{opened_with_care, parse_with_warnings};
+use super::parse::parse_with_warnings;
 use super::token::next_token;
 use super::{Camera, Faces, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, parse_toml};
-use crate::kernels::sys::{cores, room};
+use crate::kernels::sys::room;
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
@@ -57,14 +56,6 @@ impl SceneFormat {
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
 /// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
-    open_by(path, camera, cores())
-}
-
-/// The same with that many threads, which share a large scene in the paper's format.
-///
-/// # Errors
-/// As [`open`].
-pub fn open_by(path: &Path, camera: &Camera, threads: usize) -> Result<Opened, SceneError> {
     let unread = |cause: io::Error| {
         let near = if cause.kind() == ErrorKind::NotFound { nearest(path) } else { None };
         let cause = near.map_or(cause, |near| io::Error::new(ErrorKind::NotFound, format!("did you mean `{near}`?")));
@@ -76,7 +67,7 @@ pub fn open_by(path: &Path, camera: &Camera, threads: usize) -> Result<Opened, S
         let parsed = if is_toml(&source) {
             parse_toml(&source, name, Path::new(""))
         } else {
-            parse_with_warnings(&source, name, threads)
+            parse_with_warnings(&source, name)
         };
         return parsed.map_err(|error| no_picture(error, path, &source));
     }
@@ -89,12 +80,8 @@ pub fn open_by(path: &Path, camera: &Camera, threads: usize) -> Result<Opened, S
         }
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
         Some(SceneFormat::In) | None => {
-            let in_bulk = read_twice(path).and_then(|(file, length)| bulk::read(file, length, &name, threads));
-            if let Some(opened) = in_bulk {
-                return Ok(opened);
-            }
             let source = contents(path).map_err(unread)?;
-            opened_with_care(&source, &name).map_err(|error| match no_picture(error, path, &source) {
+            parse_with_warnings(&source, &name).map_err(|error| match no_picture(error, path, &source) {
                 SceneError::Invalid { .. } if is_foreign(path, &source) => SceneError::Foreign { path: path.into() },
                 error => error,
             })

@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
-use super::bulk;
 use super::log::Log;
 use super::misfit::{List, first_misfit};
+use super::number;
 use super::opened::{NoArea, Opened};
-use super::token::{FILM, Kind, next_token};
+use super::token::{FILM, Kind, is_space, next_token};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
 
@@ -24,22 +24,11 @@ use crate::kernels::sys::room;
 /// the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of `source`, whatever
 /// the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
-    Ok(parse_with_warnings(source, name, 1)?.scene)
+    Ok(parse_with_warnings(source, name)?.scene)
 }
 
-/// As [`parse`], with that many threads, and with a warning for each triangle that has no area.
-pub(super) fn parse_with_warnings(source: &[u8], name: &str, threads: usize) -> Result<Opened, SceneError> {
-    bulk::read(source, source.len(), name, threads).map_or_else(|| opened_with_care(source, name), Ok)
-}
-
-/// As [`parse`], without reading in bulk: tests compare the two.
-#[doc(hidden)]
-pub fn parse_with_care(source: &[u8], name: &str) -> Result<Scene, SceneError> {
-    Ok(opened_with_care(source, name)?.scene)
-}
-
-/// As [`parse_with_warnings`], without reading in bulk.
-pub(super) fn opened_with_care(source: &[u8], name: &str) -> Result<Opened, SceneError> {
+/// As [`parse`], with a warning for each triangle that has no area.
+pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
     let mut log = Log::new(source);
     let mut no_area = NoArea::default();
     let scene = log.text().and_then(|(text, start)| {
@@ -217,11 +206,33 @@ impl<'a> Parser<'a, '_> {
 
     /// A number rounded to f32; an invalid one is replaced by 1.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
+        if let Some(number) = self.usual(rule) {
+            return Ok(number);
+        }
         let token = self.wanted(field, rule.expected())?;
         rule.check(token).or_else(|Problem { what, help }| {
             let help = help.map(str::to_owned);
             self.log.note(self.last.clone(), format_args!("{field} {what}"), rule.expected(), help);
             Ok(1.0)
+        })
+    }
+
+    /// The next token as a number that is as required, if white space ends it: nearly all numbers of a file. If it is
+    /// none, nothing has been read.
+    fn usual(&mut self, rule: Rule) -> Option<f32> {
+        let text = &self.text.as_bytes()[self.at..];
+        let start = text.iter().position(|byte| !is_space(*byte))?;
+        let (number, rest) = number::number(&text[start..])?;
+        let fits = match rule {
+            Rule::Any => true,
+            Rule::NotNegative => number >= 0.0,
+            Rule::Positive => number > 0.0,
+        };
+        (fits && is_space(*rest.first()?)).then(|| {
+            self.last = self.at + start..self.text.len() - rest.len();
+            self.at = self.last.end;
+            self.tokens += 1;
+            rule.of_zero(number)
         })
     }
 
@@ -317,10 +328,13 @@ impl Rule {
                 problem("rounds to 0", Some("numbers are held as f32: the smallest above 0 is 1e-45"))
             }
             Rule::Positive if zero => problem("is 0", None),
-            // -0 becomes +0.
-            Rule::NotNegative => Ok(number + 0.0),
-            Rule::Any | Rule::Positive => Ok(number),
+            _ => Ok(self.of_zero(number)),
         }
+    }
+
+    /// A number that is as required: where none may be negative, -0 becomes +0.
+    fn of_zero(self, number: f32) -> f32 {
+        if matches!(self, Rule::NotNegative) { number + 0.0 } else { number }
     }
 }
 

@@ -3,9 +3,9 @@
 use std::io::{self, BufRead, ErrorKind, Read};
 
 /// The size of a piece, which stays in a core's caches. Getting memory for a whole file takes longer than filling it.
-pub(super) const PIECE: usize = 128 << 10;
+const PIECE: usize = 128 << 10;
 /// At least this much is at hand before the end: the most that is read at once.
-pub(super) const LONGEST: usize = 16 << 10;
+const LONGEST: usize = 16 << 10;
 
 /// A file, and its piece in memory.
 pub(super) struct Pieces<R> {
@@ -20,48 +20,24 @@ pub(super) struct Pieces<R> {
 impl<R: Read> Pieces<R> {
     /// For a file of this length.
     pub(super) fn new(file: R, length: usize) -> Self {
-        Pieces { file, bytes: Vec::with_capacity(1 + length.min(PIECE + LONGEST)), at: 0, ended: false }
+        Pieces { file, bytes: Vec::with_capacity(length.min(PIECE + LONGEST)), at: 0, ended: false }
     }
 
-    /// Has [`LONGEST`] bytes at hand, or all that are left, followed by `end`.
-    pub(super) fn fill(&mut self, end: &[u8]) -> Option<()> {
-        if self.rest().len() < LONGEST { self.lengthen(end) } else { Some(()) }
+    /// Has [`LONGEST`] bytes at hand, or all that are left.
+    pub(super) fn fill(&mut self) -> Option<()> {
+        if self.rest().len() < LONGEST { self.lengthen() } else { Some(()) }
     }
 
-    /// Has twice as much at hand, or all that is left, followed by `end`.
-    pub(super) fn lengthen(&mut self, end: &[u8]) -> Option<()> {
+    /// Has twice as much at hand, or all that is left.
+    pub(super) fn lengthen(&mut self) -> Option<()> {
         if !self.ended {
             self.bytes.drain(..self.at);
             self.at = 0;
             let most = self.bytes.len().max(PIECE);
             let more = self.file.by_ref().take(most as u64).read_to_end(&mut self.bytes).ok()?;
-            if more < most {
-                self.ended = true;
-                self.bytes.extend(end);
-            }
+            self.ended = more < most;
         }
         Some(())
-    }
-
-    /// Takes the bytes at hand and one piece more, up to the end of their last line; None if no line ends there.
-    pub(super) fn take_lines(&mut self) -> Option<Vec<u8>> {
-        let mut lines = Vec::with_capacity(1 + self.rest().len() + PIECE);
-        lines.extend(self.rest());
-        if !self.ended {
-            // A read error stands for neither a line nor a number.
-            let more = self.file.by_ref().take(PIECE as u64).read_to_end(&mut lines);
-            self.ended = more.as_ref().is_ok_and(|more| *more < PIECE);
-            lines.extend(if more.is_err() { Some(b'?') } else { self.ended.then_some(b'\n') });
-        }
-        (self.bytes, self.at) =
-            (lines.split_off(lines.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)), 0);
-        Some(lines).filter(|lines| !lines.is_empty())
-    }
-
-    /// Puts bytes that were taken back in front of all others.
-    pub(super) fn give_back(&mut self, lines: &[u8]) {
-        self.bytes = [lines, self.rest()].concat();
-        self.at = 0;
     }
 
     /// Whether these are the last bytes.
@@ -82,7 +58,7 @@ impl<R: Read> Pieces<R> {
 
 impl<R: Read> BufRead for Pieces<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        self.fill(&[]).ok_or(ErrorKind::Other)?;
+        self.fill().ok_or(ErrorKind::Other)?;
         Ok(self.rest())
     }
 

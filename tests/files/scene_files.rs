@@ -6,22 +6,15 @@ use std::path::{Path, PathBuf};
 use crate::counting::peak_of;
 use glam::Vec3;
 use proptest::prelude::*;
-use rayo::scene::{
-    Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, parse_with_care, read,
-};
+use rayo::scene::{Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, read};
 
 /// What diagnostics may take, however short the file.
 const SLACK: usize = 64 << 10;
 
-/// Parses, quickly where numbers are as usual and token by token, and holds the memory that each takes to 16 times the
-/// file.
+/// Parses, and holds the memory that this takes to 16 times the file.
 fn parse_bounded(source: &[u8]) -> Result<Scene, SceneError> {
-    let [scene, with_care] = [parse, parse_with_care].map(|parse| {
-        let (scene, peak) = peak_of(|| parse(source, "test.in"));
-        assert!(peak <= 16 * source.len() + SLACK, "{peak} bytes for a file of {}", source.len());
-        scene
-    });
-    assert!(bits(&scene) == bits(&with_care));
+    let (scene, peak) = peak_of(|| parse(source, "test.in"));
+    assert!(peak <= 16 * source.len() + SLACK, "{peak} bytes for a file of {}", source.len());
     scene
 }
 
@@ -499,7 +492,12 @@ proptest! {
 
     #[test]
     fn a_scene_that_is_written_and_read_is_the_same_bit_by_bit(scene in any_scene()) {
-        prop_assert_eq!(bits(&accepted(scene.to_text())), bits(&scene));
+        let text = scene.to_text();
+        prop_assert_eq!(bits(&accepted(&text)), bits(&scene));
+        // A number that a comment ends is read with care.
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        let with_care: String = lines.map(|line| line.replace(' ', "#\n") + "#\n").collect();
+        prop_assert_eq!(bits(&accepted(with_care)), bits(&scene));
     }
 }
 

@@ -105,7 +105,7 @@ impl RenderArgs {
     pub(super) fn open(&self, path: &Path, party: &Party) -> Result<(Scene, DVec3), Failure> {
         let up = Cell::new(DVec3::Y);
         let open = || -> Result<Scene, Failure> {
-            let opened = self.view.open(path, self.threads)?;
+            let opened = self.view.open(path)?;
             up.set(opened.up);
             self.view.seen(tell(opened, self.quiet))
         };

@@ -22,7 +22,7 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Mater
     let most = length / 8 + 1;
     let mut obj = Obj { points: room(most), mesh: Mesh { triangles: room(most), ..Mesh::default() }, ..Obj::default() };
     loop {
-        pieces.fill(&[])?;
+        pieces.fill()?;
         let (text, ended) = (pieces.rest(), pieces.ended());
         let end =
             if ended { text.len() } else { text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1) };
@@ -34,7 +34,7 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Mater
         if ended {
             return Some(obj.mesh());
         } else if left == text.len() {
-            pieces.lengthen(&[])?;
+            pieces.lengthen()?;
         } else {
             pieces.leave(left);
         }

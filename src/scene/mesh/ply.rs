@@ -41,20 +41,20 @@ fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), MeshEr
 /// The mesh of a file of this length; None if that cannot be read.
 pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
     let mut pieces = Pieces::new(file, length);
-    pieces.fill(&[])?;
+    pieces.fill()?;
     let (header, left, line) = loop {
         match header(pieces.rest(), length) {
             Ok((header, rest, line)) => break (header, rest.len(), line),
             Err(fault) if pieces.ended() => return Some(Err(fault)),
             // Its end may come later.
-            Err(_) => pieces.lengthen(&[])?,
+            Err(_) => pieces.lengthen()?,
         }
     };
     pieces.leave(left);
     let mut elements = Elements { pieces, encoding: header.encoding, line, text: String::new() };
     match elements.mesh(&header) {
         // A read error is not an error of the content.
-        Err(_) if elements.pieces.lengthen(&[]).is_none() => None,
+        Err(_) if elements.pieces.lengthen().is_none() => None,
         read => Some(read),
     }
 }
@@ -153,7 +153,7 @@ impl<R: Read> Elements<R> {
             return;
         }
         let [x, y, z] = [x, y, z].map(|(at, _)| at);
-        while points.len() < count && self.pieces.fill(&[]).is_some() {
+        while points.len() < count && self.pieces.fill().is_some() {
             let (rest, before) = (self.pieces.rest(), points.len());
             let here = (rest.len() / usual.size).min(count - before);
             for bytes in rest.chunks_exact(usual.size).take(here) {
@@ -190,7 +190,7 @@ impl<R: Read> Elements<R> {
         let end = vertices.min(1 << 31) as u32;
         let index = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
         let mut corners = Vec::new();
-        while usual.corners && *read < count && self.pieces.fill(&[]).is_some() {
+        while usual.corners && *read < count && self.pieces.fill().is_some() {
             let mut rest = self.pieces.rest();
             let before = *read;
             while *read < count {
