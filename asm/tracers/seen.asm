@@ -27,6 +27,22 @@
     VMOV    %%least, %%a
 %endmacro
 
+; LEAST_LANE - lane 0 of a register = the least of its lanes.
+%macro LEAST_LANE 2
+%define %%n %1          ; [in/out]   number of a register
+%define %%t %2          ; [clobbered] number of a register
+%if VBYTES == 64
+    vextractf64x4 h%[%%t], v%[%%n], 1
+    VOP     min, h%[%%n], h%[%%n], h%[%%t]
+%endif
+%if VBYTES >= 32
+    vextractf128 x%[%%t], ymm%[%%n], 1
+    VOP     min, x%[%%n], x%[%%n], x%[%%t]
+%endif
+    IOP     unpckhpd, x%[%%t], x%[%%n], x%[%%n]
+    VARITH  min, 0, x%[%%n], x%[%%n], x%[%%t]
+%endmacro
+
 ; STORE_LEAST - stores the least lane of v<n>, as f32, in a field of the group at r8. Clobbers v0 and v<n>.
 %macro STORE_LEAST 2
 %define %%n %1          ; [in]       number of a register

@@ -11,7 +11,7 @@ use super::records::{
     TrianglePlanes,
 };
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
-use super::tiles::{Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
+use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
@@ -92,20 +92,19 @@ tables! { $
 
     /// The kernels that trace tile by tile.
     struct TileKernels<E: Element> {
-        /// Finds the nearest triangles.
+        /// Sets up triangles as planes.
         set_up: SetUp<E> = "set_up";
+        /// Finds the nearest triangles.
         nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
-        /// The hierarchical depth of a tile.
+        /// Finds the nearest wall of a sphere around the camera or beside it.
         around: Around<E> = "around";
         /// Sets up spheres as planes.
-        farthest: Farthest<E> = "farthest";
-        /// Spheres to planes.
         sphere_set_up: SphereSetUp<E> = "sphere_set_up";
         /// Finds the nearest spheres.
         nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
         /// Makes the shading records of spheres.
         sphere_shading: SphereShading<E> = "sphere_shading";
-        /// What is visible, to ask for lights there.
+        /// Finds the visible points, whose lights may be hidden.
         points: Points<E> = "points";
         /// To linear floats.
         f32x4: ShadeTile<E, Vec4> = "tile_f32x4";

@@ -22,7 +22,7 @@ use super::records::{
 #[cfg(feature = "lab")]
 use super::records::{LitRows, LitSphere};
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
-use super::tiles::{Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
+use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::Vec4;
 
 /// Whether the compiler may use an instruction that adds a product and rounds once.
@@ -92,7 +92,6 @@ const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> 
             set_up: SetUp::<E>::in_rust(set_up::set_up::<W, E>, "set_up"),
             nearest_triangles: Nearest::<TrianglePlanes<E>>::in_rust(nearest::nearest::<L, _>, "nearest_triangles"),
             around: Around::<E>::in_rust(nearest::around::<L, W>, "around"),
-            farthest: Farthest::<E>::in_rust(nearest::farthest::<L>, "farthest"),
             sphere_set_up: SphereSetUp::<E>::in_rust(spheres::set_up::<W, E>, "sphere_set_up"),
             nearest_spheres: Nearest::<SpherePlanes<E>>::in_rust(nearest::nearest::<L, _>, "nearest_spheres"),
             sphere_shading: SphereShading::<E>::in_rust(spheres::shading::<W, E>, "sphere_shading"),

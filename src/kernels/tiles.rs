@@ -89,21 +89,6 @@ kinds! {
         }
     }
 
-    /// Computes the hierarchical depth of a tile.
-    Farthest<E: Element> as fn(&Tile<E>) -> [E; TILE_PARTS];
-
-    /// The least 1/t of each square of [`PART_SIDE`] pixels, row by row; 0 if a pixel has no hit.
-    fn call(buffers: &TileBuffers<E>) -> [E; TILE_PARTS]; |way| {
-        match way {
-            Way::Code(enter) => {
-                let mut parts = [E::ZERO; TILE_PARTS];
-                enter([reads(&*buffers.tile), writes(&mut parts), 0, 0, 0, 0]);
-                parts
-            }
-            Way::Rust(find) => find(&buffers.tile),
-        }
-    }
-
     /// Finds the nearest wall of a sphere around the camera or beside it.
     Around<E: Element> as fn(&AroundSphere<f64>, &mut [E; TILE_PIXELS], [u32; 2]);
 
@@ -561,6 +546,32 @@ impl<E: Element> TileBuffers<E> {
     /// Whether any object was set up.
     pub fn has_somebody(&self) -> bool {
         self.most > 0
+    }
+
+    /// The hierarchical depth of the tile, whose blocks have this many lanes: the least 1/t of each square of [`PART_SIDE`]
+    /// pixels, row by row, 0 if a pixel has no hit; in f32, which preserves their order.
+    pub fn farthest(&self, lanes: usize) -> [f32; TILE_PARTS] {
+        /// Pixels of a square that follow each other, or more.
+        const TOGETHER: usize = PART_SIDE;
+        // Blocks have rows of up to four.
+        let height = lanes.div_ceil(4);
+        let lesser = |a: E, b: E| if a < b { a } else { b };
+        let mut least = [[E::from_f64(f64::MAX); TOGETHER]; TILE_PARTS];
+        let rows = self.tile.near.chunks_exact(TILE_WIDTH * height);
+        for (row, near) in rows.enumerate() {
+            let squares = &mut least[row * height / PART_SIDE * (TILE_WIDTH / PART_SIDE)..];
+            for (least, near) in squares.iter_mut().zip(near.chunks_exact(PART_SIDE * height)) {
+                let mut so_far = *least;
+                for near in near.as_chunks::<TOGETHER>().0 {
+                    so_far = std::array::from_fn(|i| lesser(so_far[i], near[i]));
+                }
+                *least = so_far;
+            }
+        }
+        least.map(|[a, b, c, d, e, f, g, h]| {
+            let [a, b, c, d] = [lesser(a, e), lesser(b, f), lesser(c, g), lesser(d, h)];
+            lesser(lesser(a, c), lesser(b, d)).to_f64() as f32
+        })
     }
 
     /// Gives pixels to the last object of the tile where its 1/t, which is `near` or 0, is greater than the pixel's, or

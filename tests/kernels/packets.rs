@@ -89,7 +89,6 @@ kernels! {
     set_up: single.tiles.set_up, double.tiles.set_up; tile_cases(), tiles;
     nearest_triangles: single.tiles.nearest_triangles, double.tiles.nearest_triangles; tile_cases(), tiles;
     around: single.tiles.around, double.tiles.around; tile_cases(), tiles;
-    farthest: single.tiles.farthest, double.tiles.farthest; tile_cases(), tiles;
     sphere_set_up: single.tiles.sphere_set_up, double.tiles.sphere_set_up; tile_cases(), tiles;
     nearest_spheres: single.tiles.nearest_spheres, double.tiles.nearest_spheres; tile_cases(), tiles;
     sphere_shading: single.tiles.sphere_shading, double.tiles.sphere_shading; tile_cases(), tiles;
@@ -329,9 +328,6 @@ fn tiles_of<E: Element + Debug>(
         }
         kernels.nearest_triangles.call(&mut buffers, &order, window, &grid, 8);
         add(&mut made, "the nearest of triangles", &pixels(&buffers));
-    }
-    if pixels(&buffers).len() == 2048 {
-        add(&mut made, "what is farthest", &kernels.farthest.call(&buffers));
     }
     made.extend(shaded(kernels, (&plan, &rays), &buffers, &shades, &records, window));
     // Some are shaded as spheres around the camera are.

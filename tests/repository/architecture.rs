@@ -181,8 +181,8 @@ fn imports_are_found_in_every_way_of_writing_them() {
 /// What is added takes the place of something, or argues for more here: shadows were asked for.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 60_159;
-    const KERNELS: usize = 47;
+    const LINES: usize = 60_090;
+    const KERNELS: usize = 45;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));
     let lines: usize = of_product.map(|(_, text)| text.lines().count()).sum();

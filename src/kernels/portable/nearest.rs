@@ -1,6 +1,6 @@
 //! Finding the nearest object at each pixel of a tile, and what culling hidden objects needs.
 //!
-//! The twins of asm/tracers/nearest.asm, around.asm, farthest.asm and nearer_half.asm.
+//! The twins of asm/tracers/nearest.asm, around.asm and nearer_half.asm.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -8,10 +8,10 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::super::records::{
-    AroundSphere, Candidate, Element, PART_SIDE, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH,
-    Tile, TriangleArrays, TrianglePlanes,
+    AroundSphere, Candidate, Element, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile,
+    TriangleArrays, TrianglePlanes,
 };
-use super::super::tiles::{TILE_PARTS, TileGrid, TileWindow};
+use super::super::tiles::{TileGrid, TileWindow};
 use super::lanes::{Each, Lanes, Number};
 use super::spheres;
 
@@ -236,17 +236,6 @@ pub fn around<L: Lanes, W: Lanes<Number = f64>>(
             .each(|(axis, tile)| W::of(tile.into()) + W::from_fn(|lane| Blocks::<L>::pixel(first + lane)[axis] as f64));
         spheres::around(sphere, x, y).store(&mut near[first..]);
     }
-}
-
-/// The hierarchical depth of a tile.
-pub fn farthest<L: Lanes>(tile: &Tile<L::Number>) -> [L::Number; TILE_PARTS] {
-    let mut parts = [L::Number::from_f64(f64::INFINITY); TILE_PARTS];
-    for (block, near) in tile.near.chunks_exact(L::COUNT).enumerate() {
-        let [column, row] = Blocks::<L>::pixel(block * L::COUNT);
-        let part = &mut parts[row / PART_SIDE * (TILE_WIDTH / PART_SIDE) + column / PART_SIDE];
-        *part = near.iter().fold(*part, |least, near| if *near < least { *near } else { least });
-    }
-    parts
 }
 
 /// Partitions candidates at the middle, by their bits, of the nearest and the farthest.

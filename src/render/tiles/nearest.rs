@@ -257,10 +257,10 @@ impl<E: Element> TileTracer<'_, E> {
         starts.iter().rev().for_each(|(start, count)| trace_layer(&mut others[*start..], *count));
     }
 
-    /// The hierarchical depth of a tile, in f32, which preserves its order, and the least 1/t in all of it.
+    /// The hierarchical depth of a tile, and the least 1/t in all of it.
     fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> ([f32; TILE_PARTS], f32) {
         buffers.close_around(self.kernels.lanes, window);
-        let parts = self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32);
+        let parts = buffers.farthest(self.kernels.lanes);
         (parts, parts.into_iter().fold(f32::MAX, f32::min))
     }
 
