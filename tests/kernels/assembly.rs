@@ -343,30 +343,42 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
 /// `of what` is empty for the whole.
 type Count = (String, String, String);
 
+/// The macros of asm/include: their names, how many parameters they have, and the comments above them.
+fn macros() -> Vec<(String, usize, Vec<String>)> {
+    let mut macros = Vec::new();
+    for entry in fs::read_dir(asm().join("include")).unwrap() {
+        let text = fs::read_to_string(entry.unwrap().path()).unwrap();
+        let mut comment = Vec::new();
+        for line in text.lines() {
+            if let Some(head) = line.strip_prefix("%macro ") {
+                let (name, parameters) = head.split_once(' ').unwrap();
+                let parameters = parameters.trim().trim_end_matches('+').parse().unwrap();
+                macros.push((name.to_owned(), parameters, std::mem::take(&mut comment)));
+            } else if line.starts_with(';') {
+                comment.push(line.to_owned());
+            } else {
+                comment.clear();
+            }
+        }
+    }
+    macros
+}
+
 /// The numbers in the comments above the macros of asm/include.
 ///
 /// After the word `instructions` come forms, apart by two spaces or by lines, each as
 /// `<name>[, <name>...] <number>[, <number> <of what>...] [(<which ones>)]`, without a name where all forms have it.
 fn documented() -> BTreeMap<Count, usize> {
     let mut counts = BTreeMap::new();
-    for entry in fs::read_dir(asm().join("include")).unwrap() {
-        let text = fs::read_to_string(entry.unwrap().path()).unwrap();
-        let lines: Vec<_> = text.lines().collect();
-        for (at, line) in lines.iter().enumerate() {
-            let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) else {
-                continue;
-            };
-            let above = lines[..at].iter().rev().take_while(|line| line.starts_with(';')).count();
-            let comment = &lines[at - above..at];
-            let from = comment.iter().position(|line| line.starts_with(";   instructions "));
-            let from = from.unwrap_or_else(|| panic!("the comment of {name} does not count its instructions"));
-            let first = comment[from].replacen("instructions", "", 1);
-            let more = comment[from + 1..].iter().take_while(|line| line.starts_with(";                  "));
-            for line in [first.as_str()].into_iter().chain(more.copied()) {
-                for (form, of, count) in counts_of_line(line.trim_start_matches(';')) {
-                    let before = counts.insert((name.to_owned(), form, of), count);
-                    assert_eq!(before, None, "{name} is counted twice");
-                }
+    for (name, _, comment) in macros() {
+        let from = comment.iter().position(|line| line.starts_with(";   instructions "));
+        let from = from.unwrap_or_else(|| panic!("the comment of {name} does not count its instructions"));
+        let first = comment[from].replacen("instructions", "", 1);
+        let more = comment[from + 1..].iter().take_while(|line| line.starts_with(";                  "));
+        for line in [&first].into_iter().chain(more) {
+            for (form, of, count) in counts_of_line(line.trim_start_matches(';')) {
+                let before = counts.insert((name.clone(), form, of), count);
+                assert_eq!(before, None, "{name} is counted twice");
             }
         }
     }
@@ -429,16 +441,17 @@ const OPERATIONS: [(&str, &str, &str); 11] = [
 ];
 
 /// The other macros of the paper's engine, each used once in a function of its own.
-const AOS_SNIPPETS: [Snippet; 5] = [
+const AOS_SNIPPETS: [Row; 4] = [
     ("VEC_SUM", "", "xmm0, xmm1"),
     ("PLANE_NORMAL", "", "xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
     ("SAME_SIDE", "", "[rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
-    ("OPERATION", "", ""),
-    ("END_OPERATION", "", ""),
+    ("OPERATION END_OPERATION", "", ""),
 ];
 
-/// A macro, under which circumstances it is used (empty for the usual ones), and with which operands.
-type Snippet = (&'static str, &'static str, &'static str);
+/// Macros, under which circumstances they are used (empty for the usual ones), and with which operands.
+type Row = (&'static str, &'static str, &'static str);
+/// The same of one macro.
+type Snippet = (String, &'static str, String);
 
 /// What is counted of a macro that takes a number of constants: how many more instructions one more makes.
 const EACH: &str = "more for each constant";
@@ -446,77 +459,47 @@ const EACH: &str = "more for each constant";
 /// Circumstances in which ESTIMATE is 1.
 const ESTIMATES: &str = "with estimates";
 
-/// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 196] = [
+/// The macros of the packets, each in every circumstance that may change the number of its instructions. Those in no table have
+/// one, and take each of their parameters in a register of its own.
+const PACKET_SNIPPETS: [Row; 114] = [
     ("ELEMENT", "", "ELEM"),
-    ("CLEAN_UPPER", "", ""),
-    ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
+    ("LEVELS GREY_RGBA8 GREY_RGB8 SIDE_BY_SIDE", "", "0"),
     ("CONSTANTS", EACH, "1"),
     ("KLOAD", "", "v0, 0"),
-    ("UNCONSTANTS", "", ""),
     ("VOP", "", "sqrt, v0, v1"),
     ("VMOV", "", "v0, v1"),
     ("VMOV", "where they are the same register", "v0, v0"),
     ("VARITH", "", "add, 1, v0, v0, v1"),
     ("VARITH", "where d is b", "add, 1, v0, v1, v0"),
     ("VARITH", "where d is neither a nor b", "add, 1, v0, v1, v2"),
-    ("VADD", "", "v0, v0, v1"),
-    ("VADD", "where d is b", "v0, v1, v0"),
-    ("VADD", "where d is neither a nor b", "v0, v1, v2"),
-    ("VMUL", "", "v0, v0, v1"),
-    ("VMUL", "where d is b", "v0, v1, v0"),
-    ("VMUL", "where d is neither a nor b", "v0, v1, v2"),
-    ("VSUB", "", "v0, v0, v1"),
-    ("VSUB", "where d is not a", "v0, v1, v2"),
-    ("VDIV", "", "v0, v0, v1"),
-    ("VDIV", "where d is not a", "v0, v1, v2"),
-    ("VMIN", "", "v0, v0, v1"),
-    ("VMIN", "where d is not a", "v0, v1, v2"),
-    ("VMAX", "", "v0, v0, v1"),
-    ("VMAX", "where d is not a", "v0, v1, v2"),
-    ("VZERO", "", "v0"),
-    ("VSQRT", "", "v0, v1"),
-    ("VFMA", "", "v0, v1, v2, v3"),
-    ("VFMA", "where t is a", "v0, v1, v2, v1"),
-    ("VFNMA", "", "v0, v1, v2, v3"),
-    ("VFNMA", "where t is a", "v0, v1, v2, v1"),
-    ("VFMSUB", "", "v0, K(0), v1"),
+    ("VADD VMUL VSUB VDIV VMIN VMAX VAND VXOR", "", "v0, v0, v1"),
+    ("VADD VMUL", "where d is b", "v0, v1, v0"),
+    ("VADD VMUL VAND VXOR", "where d is neither a nor b", "v0, v1, v2"),
+    ("VSUB VDIV VMIN VMAX", "where d is not a", "v0, v1, v2"),
+    ("VFMA VFNMA", "", "v0, v1, v2, v3"),
+    ("VFMA VFNMA", "where t is a", "v0, v1, v2, v1"),
+    ("VFMSUB MASK_AND_LESS", "", "v0, K(0), v1"),
     ("VFMADD", "", "v0, v1, K(0)"),
     ("VDIFFERENCE", "", "v0, v1, 0, v2, 1, v3"),
-    ("VSIGN", "", "v0, v1, v2"),
     ("VRSQRT", "in f32", "v0, v1"),
     ("VOVER_SQRT", "in f64", "v0, v1, v2, v3"),
     ("VSPREAD_INTEGER", "", "0, rax"),
-    ("MASK_GREATER", "", "v0, v1"),
-    ("MASK_AND_LESS", "", "v0, K(0), v1"),
-    ("MASK_AND_UNEQUAL", "", "v0, v1, v2"),
-    ("MASK_EQUAL", "", "v0, K(0)"),
-    ("MASK_NOT_LESS", "", "v0, K(0)"),
-    ("VSELECT", "", "v0, v1"),
+    ("MASK_EQUAL MASK_NOT_LESS", "", "v0, K(0)"),
     ("VROUND", "", "v0, v1, UP"),
     ("VTRUNCATE", "", "rax, [rdi]"),
-    ("VLOAD", "", "v0, [rdi]"),
-    ("VSTORE", "", "[rdi], v0"),
-    ("VSPREAD", "", "v0, [rdi]"),
-    ("ELEMENT_OPERAND", "", "[rdi], v0"),
-    ("VMOV_TO", "", "[rdi], v0"),
+    ("VLOAD VSPREAD", "", "v0, [rdi]"),
+    ("VSTORE ELEMENT_OPERAND VMOV_TO", "", "[rdi], v0"),
     ("IOP", "", "por, x0, x0, x1"),
     ("IOP", "where d is not a", "por, x0, x1, x2"),
-    ("IAND", "", "x0, x0, x1"),
-    ("IAND", "where d is not a", "x0, x1, x2"),
-    ("IOR", "", "x0, x0, x1"),
-    ("IOR", "where d is not a", "x0, x1, x2"),
-    ("LEVELS", "", "0"),
+    ("IAND IOR", "", "x0, x0, x1"),
+    ("IAND IOR", "where d is not a", "x0, x1, x2"),
     ("PACK_RGBA8", "", "0, 1, 2, 0"),
     ("PACK_RGBA8", "with the clamp", "0, 1, 2, 1"),
-    ("GREY_RGBA8", "", "0"),
     ("PIXELS_SINCE", "", "RGBA8, rax, rcx, LANES"),
     ("PIXELS_SINCE", "of RGB8", "RGB8, rax, rcx, LANES"),
     ("PIXELS_SINCE", "of F32X3", "F32X3, rax, rcx, LANES"),
     ("PACK_RGB8", "", "0, 2, 3"),
-    ("GREY_RGB8", "", "0"),
-    ("SIDE_BY_SIDE", "", "0"),
     ("SHUFFLE", "", "v0, v0, v1, 0"),
     ("SHUFFLE", "where d is not a", "v0, v1, v2, 0"),
     ("ROWS_F32X3", "", "0, 1, 2, 3, 4"),
@@ -525,19 +508,12 @@ const PACKET_SNIPPETS: [Snippet; 196] = [
     ("SPREAD_F32X3", "", "0, 1"),
     ("TRANSPOSE_F32X4", "", "0, 1, 2, 3, 7, 8"),
     ("SPREAD_F32X4", "", "0, 1, edi, k2"),
-    ("NARROW", "in f64", "0"),
-    ("STORE_SAME_F32X4", "", "rdi, 0, movaps"),
-    ("STORE_SAME_F32X4", "past the cache", "rdi, 0, movntps"),
-    ("STORE_PIXEL_F32X4", "", "rdi, 0"),
-    ("STORE_SAME_F32X3", "", "rdi, 0, movaps"),
-    ("STORE_SAME_F32X3", "past the cache", "rdi, 0, movntps"),
-    ("STORE_PIXEL_F32X3", "", "rdi, 0"),
-    ("STORE_PIXEL_RGBA8", "", "rdi, 0"),
-    ("STORE_PIXEL_RGB8", "", "rdi, 0"),
-    ("PART_F32X4", "", "rdi, 4, rax, rcx, rdx, k1, 1"),
-    ("PART_F32X3", "", "rdi, 4, rax, rcx, rdx, k1, 1"),
-    ("PART_RGBA8", "", "rdi, 1, rax, rcx, rdx, k1, 3"),
-    ("PART_RGB8", "", "rdi, 1, rax, rcx, rdx, k1, 3"),
+    ("NARROW NARROW_COLOUR", "in f64", "0"),
+    ("STORE_SAME_F32X4 STORE_SAME_F32X3", "", "rdi, 0, movaps"),
+    ("STORE_SAME_F32X4 STORE_SAME_F32X3 STORE_F32X3 STORE_F32X4", "past the cache", "rdi, 0, movntps"),
+    ("STORE_PIXEL_F32X4 STORE_PIXEL_F32X3 STORE_PIXEL_RGBA8 STORE_PIXEL_RGB8 STORE_NUMBERS", "", "rdi, 0"),
+    ("PART_F32X4 PART_F32X3", "", "rdi, 4, rax, rcx, rdx, k1, 1"),
+    ("PART_RGBA8 PART_RGB8", "", "rdi, 1, rax, rcx, rdx, k1, 3"),
     ("MASK_FROM_TO", "", "rax, rcx, rdx"),
     ("PART_FLOATS", "", "4, rdi, 4, rax, rcx, rdx, k1"),
     ("PART_FLOATS", "of three registers", "3, rdi, 4, rax, rcx, rdx, k1"),
@@ -545,26 +521,12 @@ const PACKET_SNIPPETS: [Snippet; 196] = [
     ("COPY_PART", "of F32X3", "F32X3, rdi, rax, rcx, rdx, 1"),
     ("COPY_PART", "of RGBA8", "RGBA8, rdi, rax, rcx, rdx, 1"),
     ("COPY_PART", "of RGB8", "RGB8, rdi, rax, rcx, rdx, 1"),
-    ("COPY_PIXEL_F32X4", "", "rdi, rax, rdx, 1"),
-    ("COPY_PIXEL_F32X3", "", "rdi, rax, rdx, 1"),
-    ("COPY_PIXEL_RGBA8", "", "rdi, rax, rdx, 1"),
-    ("COPY_PIXEL_RGB8", "", "rdi, rax, rdx, 1"),
-    ("STORE_RGBA8", "", "rdi, 0, movups"),
-    ("STORE_RGB8", "", "rdi, 0, movups"),
-    ("STORE_F32X3", "", "rdi, 0, movups"),
-    ("STORE_F32X3", "past the cache", "rdi, 0, movntps"),
-    ("STORE_F32X4", "", "rdi, 0, movups"),
-    ("STORE_F32X4", "past the cache", "rdi, 0, movntps"),
-    ("DOT3", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
-    ("ADD3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
-    ("ADD3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
-    ("SUB3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
-    ("SUB3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("COPY_PIXEL_F32X4 COPY_PIXEL_F32X3 COPY_PIXEL_RGBA8 COPY_PIXEL_RGB8", "", "rdi, rax, rdx, 1"),
+    ("STORE_RGBA8 STORE_RGB8 STORE_F32X3 STORE_F32X4", "", "rdi, 0, movups"),
+    ("ADD3 SUB3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
+    ("ADD3 SUB3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
     ("SCALE3", "", "v0, v1, v2, v0, v1, v2, v3"),
     ("SCALE3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6"),
-    ("NORM3", "", "v0, v1, v2, v3, v4"),
-    ("CROSS3", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
-    ("NORMALISE3", "", "v0, v1, v2, v3, v4"),
     ("LIT_PLACE", "", "other, 14"),
     ("LIT_CONSTANT", "", "m, [rdi]"),
     ("LIT_SCALED", "", "kn, [rdi]"),
@@ -577,74 +539,65 @@ const PACKET_SNIPPETS: [Snippet; 196] = [
     ("SPHERE_LIT", "inside", "v0, v1, 0, v2, v3, v4, v5, v6"),
     ("SPHERE_LIT", ESTIMATES, "v0, v1, 1, v2, v3, v4, v5, v6"),
     ("SPHERE_LIT", "inside with estimates", "v0, v1, 0, v2, v3, v4, v5, v6"),
-    ("SPHERE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
-    ("TRIANGLE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6"),
-    ("COSINE", "", "v0, v1, v2"),
     ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, v6, v7, v8, v9, v10, v11"),
     ("AROUND_NORMAL", "", "v0, v1, v2, v3, v4, v5, v6, rdi, v7"),
     ("AROUND_COSINE", "", "v0, v1, v2, v3, v4, v5, v6, v7, rdi, v8, v9, v10, v11"),
-    ("VAND", "", "v0, v0, v1"),
-    ("VAND", "where d is neither a nor b", "v0, v1, v2"),
-    ("VXOR", "", "v0, v0, v1"),
-    ("VXOR", "where d is neither a nor b", "v0, v1, v2"),
     ("VABS", "", "v0, v0"),
     ("VABS", "where d is not a", "v0, v1"),
-    ("MASK_AND_GREATER", "", "v0, v1, v2"),
-    ("MASK_AND_NOT_LESS", "", "v0, v1, v2"),
-    ("MASK_NOT_GREATER", "", "v0, v1"),
-    ("MASK_AND_NOT_GREATER", "", "v0, v1, v2"),
     ("MASK_BITS", "", "eax"),
-    ("MASK_KEEP", "", "v0"),
     ("WIDEN", "in f64", "v0, [rdi]"),
     ("INSERT128", "", "0, [rdi], 0"),
     ("STORE128", "", "[rdi], w, 0, 0"),
     ("STORE_SPLIT", "", "rdi, v, 0"),
-    ("STORE_NUMBERS", "", "rdi, 0"),
     ("ENTER_OWNED", "", "256, 64"),
-    ("LEAVE_OWNED", "", ""),
-    ("PUSH_OWNED", "", ""),
-    ("POP_OWNED", "", ""),
-    ("DOT3_UNFUSED", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
-    ("CROSS3_UNFUSED", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
-    ("TRIANGLE_VOLUME", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
-    ("TRIANGLE_EDGE", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
     ("TRANSPOSE4", "", "0, 1, 2, 3, 4, 5, 6, 0"),
     ("TRANSPOSE_THREE", "", "rdi, TriangleArrays, ax, ay, az, 0, 1, 2, 3, 4"),
     ("TRANSPOSE_QUARTER", "", "rdi, TriangleArrays, red, green, blue, ax, rax, rbx, rcx, rdx, 0, 0, 1, 2, 3, 4"),
-    ("TRANSPOSE_TRIANGLES", "", "rdi, rax, rbx, rcx, rdx"),
+    ("TRANSPOSE_TRIANGLES TRANSPOSE_SPHERES", "", "rdi, rax, rbx, rcx, rdx"),
     ("LOAD_VERTEX", "", "0, rdx, rax, 1, rbx"),
     ("TRANSPOSE_FACES", "", "rdi, rax, rbx, rcx, rdx, r8, r9"),
-    ("TRANSPOSE_SPHERES", "", "rdi, rax, rbx, rcx, rdx"),
     ("OBJECT_AT", "", "1, rax, Sphere_size, rdx, r15"),
     ("STORE_CANDIDATES", "", "rdi, 2, 3, 4, 5, 6, 7, 8, eax, r12"),
-    ("SILHOUETTE", "", "v0, v1, v2, v3, v4, v5, v6"),
-    ("SPHERE_BOX", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
     ("PLANE_ROW", "", "VLOAD, v0, rdi, e1, v1, v2, v3"),
     ("PLANE_ROW", "in all lanes", "VSPREAD, v0, rdi, e1, v1, v2, v3"),
-    ("PLANE_AT", "", "v0, v1, v2, v3, v4"),
-    ("TRIANGLE_AT", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12"),
     ("SPHERE_ROW", "", "VLOAD, v0, v1, v2, rdi, v3, v4, v5, v6"),
     ("SPHERE_ROW", "in all lanes", "VSPREAD, v0, v1, v2, rdi, v3, v4, v5, v6"),
-    ("SPHERE_D_AT", "", "v0, v1, v2, v3, v4, v5, v6"),
-    ("SPHERE_INVERSE_AT", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
     ("SD", "", "addsd, xmm0, xmm1"),
     ("IF_BELOW", "", "xmm0, xmm1, .body_end"),
-    ("WIDEN_ONE", "", "xmm0, [rdi]"),
-    ("ELEMENT_F64", "", "xmm0, [rdi]"),
+    ("WIDEN_ONE ELEMENT_F64", "", "xmm0, [rdi]"),
     ("ONE_RAY", "", "xmm0, xmm1, xmm2, 12, 14, rsi"),
     ("ONE_TERM", "", "xmm3, xmm0, rdx, ay, bz, az, by, xmm4, xmm5"),
     ("IF_OUTSIDE_EDGE", "", "xmm0, xmm1, xmm2, rdx, a, b, xmm7, .body_end, xmm6, xmm3, xmm4, xmm5"),
     ("IF_OUTSIDE_TRIANGLE", "", "xmm0, xmm1, xmm2, rdx, xmm7, xmm6, xmm3, xmm4, xmm5, .body_end"),
     ("ONE_SQUARE", "", "xmm3, xmm0, x, xmm1, y, rdx, xmm4"),
     ("IF_OUTSIDE_SPHERE", "", "xmm0, xmm1, xmm2, rdx, xmm6, xmm3, xmm4, .body_end"),
-    ("TRIANGLE_COSINE", "", "v0, v1, v2, v3, v4, rdi, v5, v6, v7, v8"),
+    ("TRIANGLE_COSINE SPHERE_COSINE", "", "v0, v1, v2, v3, v4, rdi, v5, v6, v7, v8"),
     ("SPHERE_ROOT", "", "v0, v1, v2, rdi, v3, v4, v5"),
     ("NORMAL_OVER_T", "", "v0, x, v1, v2, v3, rdi, v4, v5"),
-    ("SPHERE_COSINE", "", "v0, v1, v2, v3, v4, rdi, v5, v6, v7, v8"),
     ("SHORT_COSINE", "", "v0, v1, v2, v3, rdi, v4, v5, v6, v7"),
     ("GATHER4", "", "0, 1, 2, 3, 4, 5, 6, rdi, rsi, ax"),
-    ("NARROW_COLOUR", "in f64", "0"),
 ];
+
+fn snippets(rows: &[Row]) -> Vec<Snippet> {
+    let snippets = |(names, of, operands): &Row| {
+        names.split(' ').map(|name| (name.to_owned(), *of, (*operands).to_owned())).collect::<Vec<_>>()
+    };
+    rows.iter().flat_map(snippets).collect()
+}
+
+/// Those of the packets.
+fn packet_snippets() -> Vec<Snippet> {
+    let mut packets = snippets(&PACKET_SNIPPETS);
+    let others = ["FUNC", "ENDFUNC", "END"].into_iter().chain(OPERATIONS.map(|(name, ..)| name)).map(str::to_owned);
+    let listed = packets.iter().cloned().chain(snippets(&AOS_SNIPPETS)).map(|(name, ..)| name);
+    let listed: BTreeSet<_> = listed.chain(others).collect();
+    let alike = macros().into_iter().filter(|(name, ..)| !listed.contains(name)).map(|(name, parameters, _)| {
+        let registers: Vec<_> = (0..parameters).map(|number| format!("v{number}")).collect();
+        (name, "", registers.join(", "))
+    });
+    packets.extend(alike);
+    packets
+}
 
 /// The bytes of the packets' elements, f32 and f64.
 const ELEMENTS: [u32; 2] = [4, 8];
@@ -709,14 +662,14 @@ fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
         // AVX-512 alone has estimates to begin with in f64, and the short form alone uses them.
         let refined =
             |name: &str| isa == "avx512" && (["VOVER_SQRT", "SPHERE_LIT"].contains(&name) || name.starts_with("LIT_"));
-        let has = |(name, of, _): &&Snippet| match *of {
-            "in f64" if *name == "VOVER_SQRT" => element == 8 && refined(name),
+        let has = |(name, of, _): &Snippet| match *of {
+            "in f64" if name == "VOVER_SQRT" => element == 8 && refined(name),
             of if of.contains(ESTIMATES) => element == 4 || refined(name),
             "in f32" => element == 4,
             "in f64" => element == 8,
             _ => true,
         };
-        let snippets: Vec<_> = PACKET_SNIPPETS.iter().filter(has).copied().collect();
+        let snippets: Vec<_> = packet_snippets().into_iter().filter(has).collect();
         let mut counts = count_snippets(isa, element, false, &snippets);
         let none = counts[&("CONSTANTS".to_owned(), String::new())];
         *counts.get_mut(&("CONSTANTS".to_owned(), EACH.to_owned())).unwrap() -= none;
@@ -763,7 +716,7 @@ fn counted() -> BTreeMap<Count, usize> {
                 count(name, form, "to the near wall", until(&|target| target == end));
             }
         }
-        for ((name, of), instructions) in count_snippets("sse41", 4, form == "best", &AOS_SNIPPETS) {
+        for ((name, of), instructions) in count_snippets("sse41", 4, form == "best", &snippets(&AOS_SNIPPETS)) {
             count(&name, form, &of, instructions);
         }
     }
@@ -795,39 +748,32 @@ fn every_documented_number_of_instructions_is_that_of_the_code() {
     assert!(unchecked.is_empty(), "these numbers have no code to compare them with: {unchecked:#?}");
 }
 
-#[test]
-fn a_line_of_counts_is_read_with_its_forms_and_its_parts() {
-    let read = |line| {
-        let counts = counts_of_line(line);
-        counts.iter().map(|(form, of, count)| format!("{form}|{of}|{count}")).collect::<Vec<_>>().join(" ")
-    };
-    assert_eq!(read("   1"), "||1");
-    assert_eq!(read(" 1 (endbr64, for CPUs that check)"), "||1");
-    assert_eq!(read(" paper 3 (mul, 2 hadd)    best 5"), "paper||3 best||5");
-    assert_eq!(read(" paper 18, 19 with two sides"), "paper||18 paper|with two sides|19");
-    assert_eq!(read(" sse41 8 (3 mul,  5 more)   avx2, avx512 3"), "sse41||8 avx2||3 avx512||3");
+/// That a macro refuses each of these calls.
+fn are_refused(isa: &str, element: u32, best: bool, calls: &[&str]) {
+    for call in calls {
+        let Err(message) = assemble(isa, element, best, &[call.to_string()]) else {
+            panic!("{isa}: {call} is not refused")
+        };
+        assert!(message.contains("this macro needs two different registers"), "{isa}: {call}: {message}");
+    }
 }
 
 #[test]
 fn a_macro_refuses_registers_that_must_not_be_the_same() {
-    for (best, call) in [
-        (false, "VEC_SCALE xmm1, xmm1"),
-        (false, "VEC_SCALE xmm1, XMM1"),
-        (true, "VEC_SUM xmm1, xmm1"),
-        (true, "VEC_DOT xmm1, xmm2, xmm1"),
-        (true, "VEC_DOT xmm1, xmm2, xmm2"),
-        (true, "VEC_NORM xmm1, xmm1"),
-        (false, "VEC_CROSS xmm1, xmm1, xmm2, xmm3, xmm4"),
-        (true, "VEC_CROSS xmm1, xmm2, xmm1, xmm3, xmm4"),
-        (true, "VEC_CROSS xmm1, xmm2, xmm3, xmm2, xmm4"),
-        (false, "VEC_CROSS xmm1, xmm2, xmm3, xmm4, xmm4"),
-        (true, "VEC_NORMALISE xmm1, xmm1, xmm2"),
-        (true, "VEC_NORMALISE xmm1, xmm2, xmm1"),
-        (true, "VEC_NORMALISE xmm1, xmm2, xmm2"),
-    ] {
-        let Err(message) = assemble("sse41", 4, best, &[call.into()]) else { panic!("{call} is not refused") };
-        assert!(message.contains("this macro needs two different registers"), "{call}: {message}");
-    }
+    let paper = ["VEC_SCALE xmm1, xmm1", "VEC_SCALE xmm1, XMM1", "VEC_CROSS xmm1, xmm1, xmm2, xmm3, xmm4"];
+    are_refused("sse41", 4, false, &[&paper[..], &["VEC_CROSS xmm1, xmm2, xmm3, xmm4, xmm4"]].concat());
+    let best = [
+        "VEC_SUM xmm1, xmm1",
+        "VEC_DOT xmm1, xmm2, xmm1",
+        "VEC_DOT xmm1, xmm2, xmm2",
+        "VEC_NORM xmm1, xmm1",
+        "VEC_CROSS xmm1, xmm2, xmm1, xmm3, xmm4",
+        "VEC_CROSS xmm1, xmm2, xmm3, xmm2, xmm4",
+        "VEC_NORMALISE xmm1, xmm1, xmm2",
+        "VEC_NORMALISE xmm1, xmm2, xmm1",
+        "VEC_NORMALISE xmm1, xmm2, xmm2",
+    ];
+    are_refused("sse41", 4, true, &best);
     assemble("sse41", 4, true, &["VEC_DOT xmm1, xmm1, xmm2".into()]).unwrap();
 }
 
@@ -835,32 +781,27 @@ fn a_macro_refuses_registers_that_must_not_be_the_same() {
 #[test]
 fn a_macro_of_the_packets_refuses_in_every_unit_what_one_of_them_cannot_do() {
     let fine = ["VADD v0, v1, v0", "VMUL v0, v1, v0", "VSUB v0, v0, v0", "VSUB v0, v0, v1", "IOP pslld, x0, x0, 8"];
-    let fine: Vec<_> = fine.iter().map(|call| call.to_string()).collect();
+    let refused = [
+        "VSUB v0, v1, v0",
+        "VDIV v0, v1, v0",
+        "VMIN v0, v1, v0",
+        "VMAX v0, v1, v0",
+        "SUB3 v0, v1, v2, v3, v4, v5, v6, v7, v2",
+        "VFMA v0, v1, v2, v0",
+        "VFMA v0, v1, v2, v2",
+        "VFNMA v0, v1, v2, v2",
+        "VFMSUB v0, K(0), v0",
+        "VFMADD v0, v1, v0",
+        "VDIFFERENCE v0, v0, 0, v1, 1, v2",
+        "VDIFFERENCE v0, v1, 0, v2, 1, v2",
+        "VSIGN v0, v1, v1",
+        "VSELECT v0, v0",
+        "DOT3 v0, v1, v0, v2, v3, v4, v5, v6",
+        "DOT3 v0, v1, v2, v3, v4, v5, v6, v6",
+        "IOP por, x0, x1, x0",
+    ];
     for (unit, element) in UNITS.iter().flat_map(|unit| ELEMENTS.map(|element| (unit, element))) {
-        for call in [
-            "VSUB v0, v1, v0",
-            "VDIV v0, v1, v0",
-            "VMIN v0, v1, v0",
-            "VMAX v0, v1, v0",
-            "SUB3 v0, v1, v2, v3, v4, v5, v6, v7, v2",
-            "VFMA v0, v1, v2, v0",
-            "VFMA v0, v1, v2, v2",
-            "VFNMA v0, v1, v2, v2",
-            "VFMSUB v0, K(0), v0",
-            "VFMADD v0, v1, v0",
-            "VDIFFERENCE v0, v0, 0, v1, 1, v2",
-            "VDIFFERENCE v0, v1, 0, v2, 1, v2",
-            "VSIGN v0, v1, v1",
-            "VSELECT v0, v0",
-            "DOT3 v0, v1, v0, v2, v3, v4, v5, v6",
-            "DOT3 v0, v1, v2, v3, v4, v5, v6, v6",
-            "IOP por, x0, x1, x0",
-        ] {
-            let Err(message) = assemble(unit.name, element, false, &[call.into()]) else {
-                panic!("{}: {call} is not refused", unit.name)
-            };
-            assert!(message.contains("this macro needs two different registers"), "{}: {call}: {message}", unit.name);
-        }
-        assemble(unit.name, element, false, &fine).unwrap();
+        are_refused(unit.name, element, false, &refused);
+        assemble(unit.name, element, false, &fine.map(str::to_owned)).unwrap();
     }
 }

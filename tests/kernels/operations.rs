@@ -235,29 +235,6 @@ fn a_triangle_is_hit_on_each_path_as_worked_out_by_hand_in_any_order_of_its_vert
     }
 }
 
-#[test]
-fn a_light_in_front_of_behind_and_on_a_surface_gives_what_eq_11_says() {
-    let surface = rayo::kernels::Surface {
-        point: Vec4::new(1.0, 2.0, 3.0),
-        normal: Vec4::new(0.0, 0.0, -1.0),
-        colour: Vec4::new(0.5, 0.25, 1.0),
-    };
-    for (implementation, kernels) in implementations() {
-        for (place, position, one_side, two_sides) in [
-            ("in front", [1.0, 2.0, -1.0], 1.0, 1.0),
-            ("behind", [1.0, 2.0, 9.0], 0.0, 1.0),
-            ("beside", [7.0, 2.0, 3.0], 0.0, 0.0),
-            ("on it", [1.0, 2.0, 3.0], 0.0, 0.0),
-        ] {
-            let light = Light { position: vector(position), radiance: Vec4::new(2.0, 4.0, 8.0) };
-            for (op, cosine) in [(kernels.lambert, one_side), (kernels.lambert2, two_sides)] {
-                let expected = Vec4::new(1.0 * cosine, 1.0 * cosine, 8.0 * cosine);
-                assert_eq!(op.call(&surface, &light), expected, "{implementation}, a light {place}");
-            }
-        }
-    }
-}
-
 fn vector([x, y, z]: [f32; 3]) -> Vec4 {
     Vec4::new(x, y, z)
 }
@@ -372,32 +349,5 @@ fn far_rows_and_long_rows_keep_their_places() {
     for (implementation, kernels) in implementations() {
         check_trace(implementation, kernels.trace, &frame(3, 1_000_000, 1.0, 1.0), &lot, 999_000..1_000_000);
         check_trace(implementation, kernels.trace, &frame(1_000_000, 2, 1.0, 1.0), &lot, 1..2);
-    }
-}
-
-#[test]
-fn the_nearest_hit_wins_and_the_first_in_order_a_tie() {
-    let colours = [Vec4::new(1.0, 0.0, 0.0), Vec4::new(0.0, 1.0, 0.0), Vec4::new(0.0, 0.0, 1.0)];
-    let [red, green, blue] = colours;
-    let ball = |z, colour| PaperSphere { colour, ..kernel_cases::sphere(Vec4::new(0.0, 0.0, z), 1.0) };
-    let wall = |z, colour| PaperTriangle {
-        colour,
-        ..kernel_cases::triangle([Vec4::new(-9.0, -9.0, z), Vec4::new(9.0, -9.0, z), Vec4::new(0.0, 9.0, z)])
-    };
-    let light = Light { position: Vec4::default(), radiance: Vec4::new(1.0, 1.0, 1.0) };
-    for (what, spheres, triangles, expected) in [
-        ("the sphere behind comes last", vec![ball(5.0, red), ball(9.0, green)], vec![], red),
-        ("the sphere in front comes last", vec![ball(9.0, green), ball(5.0, red)], vec![], red),
-        ("equal spheres", vec![ball(5.0, red), ball(5.0, green)], vec![], red),
-        ("a triangle in front of a sphere", vec![ball(5.0, red)], vec![wall(3.0, blue)], blue),
-        ("a triangle behind a sphere", vec![ball(5.0, red)], vec![wall(6.0, blue)], red),
-        ("a triangle that touches a sphere", vec![ball(5.0, red)], vec![wall(4.0, blue)], red),
-        ("equal triangles", vec![], vec![wall(4.0, green), wall(4.0, blue)], green),
-    ] {
-        let lot = Lot { lights: vec![light], spheres, triangles };
-        for (implementation, kernels) in implementations() {
-            let found = traced(kernels.trace, &frame(1, 1, 1.0, 1.0), lot.objects(), 0..1);
-            assert_eq!(found, [expected.lanes()], "{implementation}: {what}");
-        }
     }
 }
