@@ -29,6 +29,11 @@ fn a_triangle_that_begins_next_to_the_camera_has_its_volume_from_there() {
             assert_eq!(triangle_volume(vertices), Some(expected), "{vertices:?}");
         }
         assert_eq!(triangle_volume([near, other, one]), Some(-expected));
+        // Two of them equally near.
+        let (beside, far) = (corner(tiny, 0.0, 0.0), corner(-3.0, -0.375, 5.0));
+        for vertices in [[near, beside, far], [far, near, beside], [beside, far, near]] {
+            assert_eq!(triangle_volume(vertices), Some(5.0 * tiny * tiny), "{vertices:?}");
+        }
     }
 }
 

@@ -52,19 +52,14 @@ fn scenes() -> Vec<(String, Scene)> {
 }
 
 #[test]
-fn brute_force_makes_the_same_bytes_on_scenes_of_every_kind() {
-    for (name, scene) in scenes() {
+fn brute_force_and_each_omission_alone_make_the_same_bytes_on_scenes_of_every_kind() {
+    let alone = || Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
+    for (number, (name, scene)) in scenes().into_iter().enumerate() {
         check_by_force(&scene, &name);
-    }
-}
-
-#[test]
-fn each_omission_alone_makes_the_same_bytes() {
-    for (name, scene) in scenes().into_iter().step_by(3) {
-        for omission in Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work) {
-            for contender in packets() {
-                contender.check_kept(&scene, Keep::only(omission), &format!("{name}, {omission:?}"));
-            }
+        for omission in alone().filter(|_| number % 3 == 0) {
+            packets()
+                .iter()
+                .for_each(|one| one.check_kept(&scene, Keep::only(omission), &format!("{name}, {omission:?}")));
         }
     }
 }
@@ -194,15 +189,6 @@ fn questions_of_shadows_that_need_no_answer_are_counted() {
     assert!(others > pixels / 2 && others < 2 * 2 * pixels, "{others}");
     let without = report(lamps, &format!("1  {sphere}  1  {wall}"));
     assert_eq!([Omission::Averted, Omission::OtherCells].map(|omission| count(&without, omission)), [0, 0]);
-}
-
-#[test]
-fn with_all_kept_only_what_is_arithmetic_is_left_out() {
-    let scene = many(9, 9, 81);
-    let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep: Keep::all(), ..Purpose::default() };
-    let report = Plan::new(Engine::fastest(), &scene, purpose).unwrap().report();
-    assert_eq!((report.kept.spheres, report.kept.triangles, report.kept.lights), (9, 9, 2));
-    assert!(report.left_out.iter().all(|line| line.switch != Switch::Work), "{report:?}");
 }
 
 /// So many small spheres in the middle of the picture, each of some pixels.
@@ -469,43 +455,24 @@ fn the_plan_of_many_objects_says_that_it_goes_by_tiles() {
     assert_eq!(json["kept"].to_string(), r#"{"lights":1,"spheres":0,"triangles":400}"#);
     let tiles = ["objects", "width", "height", "across", "down"].map(|key| json["tiles"][key].as_u64());
     assert_eq!(tiles, [400, 64, 32, 2, 3].map(Some));
-    assert_eq!(json["measured"]["rows"], 70);
+    assert_eq!((&json["measured"]["rows"], &json["measured"]["threads"]), (&70.into(), &1.into()));
+    let is_ratio = |ratio: &serde_json::Value| {
+        let [middle, low, high] = ["ratio", "ratio_low", "ratio_high"].map(|key| ratio[key].as_f64());
+        assert!(Some(0.0) < low && low <= middle && middle <= high, "{ratio}");
+    };
+    ["control", "keep_all"].iter().for_each(|of| is_ratio(&json["measured"][of]));
     let (lines, worth) = (json["left_out"].as_array().unwrap(), json["measured"]["worth"].as_array().unwrap());
+    assert_eq!(lines.len(), worth.len());
     for (line, worth) in lines.iter().zip(worth) {
         assert_eq!(line["what"], worth["what"]);
         let has_code = !["code for spheres", "constant terms"].contains(&line["what"].as_str().unwrap());
-        assert_eq!((worth["ratio"].is_f64(), worth["note"].is_string()), (has_code, !has_code), "{worth}");
+        assert_eq!((worth["ratio"].is_null(), worth["note"].is_string()), (!has_code, !has_code), "{worth}");
+        [worth].into_iter().filter(|_| has_code).for_each(is_ratio);
     }
     for what in ["objects in other tiles", "tests of rays that miss", "float image"] {
         assert!(lines.iter().any(|line| line["what"] == what), "{what}: {json}");
     }
     assert_eq!(run.stderr, "", "no bar but on a terminal");
-}
-
-#[test]
-fn measuring_gives_each_line_a_ratio_or_none_where_there_is_no_code_without_it() {
-    let directory = tempfile::tempdir().unwrap();
-    let json = rayo(directory.path(), "plan all.in --measure --json --size 40x30").document();
-    let measured = &json["measured"];
-    let ratio = |ratio: &serde_json::Value| {
-        let [middle, low, high] = ["ratio", "ratio_low", "ratio_high"].map(|key| ratio[key].as_f64());
-        assert!(Some(0.0) < low && low <= middle && middle <= high, "{ratio}");
-    };
-    ratio(&measured["control"]);
-    ratio(&measured["keep_all"]);
-    assert_eq!((measured["rows"].as_u64(), measured["threads"].as_u64()), (Some(30), Some(1)));
-    let (lines, worth) = (json["left_out"].as_array().unwrap(), measured["worth"].as_array().unwrap());
-    assert_eq!(lines.len(), worth.len());
-    for (line, worth) in lines.iter().zip(worth) {
-        assert_eq!(line["what"], worth["what"]);
-        if worth["note"] == "there is no code without it" {
-            assert_eq!(worth["ratio"], serde_json::Value::Null);
-        } else {
-            ratio(worth);
-        }
-    }
-    let run = rayo(directory.path(), "plan all.in --measure --size 40x30");
-    assert!(run.printed().contains("\n  the plan against itself "), "{run:?}");
 }
 
 #[test]
@@ -534,6 +501,7 @@ fn the_figure_of_a_measurement_has_a_line_for_each_omission_that_was_timed() {
     let plan = ["plan", sphere, tetrahedron, "--size", "16x12", "--measure", "--figure", "worth.svg"];
     let run = program::rayo(plan, directory.path());
     let told = run.printed();
+    assert!(told.contains("\n  the plan against itself "), "{told}");
     assert!(told.contains("sphere.in: 16x12") && told.contains("\n\n") && told.contains("tetrahedron.in: 16x12"));
     let figure = std::fs::read_to_string(directory.path().join("worth.svg")).unwrap();
     for text in ["sphere.in", "tetrahedron.in", "all that --keep-all keeps"] {
