@@ -169,15 +169,6 @@ fn no_module_of_the_kernels_needs_one_that_needs_it() {
     assert!(above.is_empty(), "these need each other: {above:?}");
 }
 
-#[test]
-fn imports_are_found_in_every_way_of_writing_them() {
-    let text = "use crate::{scene::{Camera, self}, kernels};\n// use crate::cli;\nlet x = \"crate::render\"; crate :: plan::f(); $crate::measure::g!()";
-    let found: Vec<_> = imports(&code(text)).into_iter().collect();
-    assert_eq!(found, ["kernels", "measure", "plan", "scene"]);
-    assert!(imports_through_super("use super::cli::x;", 2).is_empty());
-    assert_eq!(imports_through_super("use super::super::cli::x;", 2).into_iter().collect::<Vec<_>>(), ["cli"]);
-}
-
 /// What is added takes the place of something, or argues for more here: shadows were asked for.
 #[test]
 fn it_stays_small() {

@@ -290,25 +290,6 @@ fn every_page_is_reached_from_the_readme() {
 }
 
 #[test]
-fn the_pages_say_how_many_families_of_stiff_scenes_there_are() {
-    let count = rayo::scene::families::FAMILIES.len();
-    for (document, word) in [("README.md", "families"), ("docs/stability.md", "families"), ("LEEME.md", "familias")] {
-        assert!(text(document).contains(&format!(" {count} {word}")), "{document} does not speak of {count} {word}");
-    }
-}
-
-#[test]
-fn every_page_of_results_names_the_cpu_that_they_are_of() {
-    let pages = fs::read_dir(root().join("docs/results")).unwrap().map(|entry| entry.unwrap().path());
-    let pages: Vec<_> = pages.filter(|path| path.extension().is_some_and(|extension| extension == "md")).collect();
-    assert!(pages.len() >= 4, "{pages:?}");
-    for page in pages {
-        let names_one = ["AMD ", "Intel(R) "].iter().any(|maker| text(&page).contains(maker));
-        assert!(names_one, "{} names no CPU of a maker that this test knows", page.display());
-    }
-}
-
-#[test]
 fn every_folder_of_sources_is_in_the_map() {
     fn folders(path: &str, found: &mut Vec<String>) {
         found.push(path.to_owned());
