@@ -201,19 +201,6 @@ fn an_image_beyond_4_gib_is_a_big_tiff() {
     assert_eq!(&beginning(50_000), b"II+\0");
 }
 
-#[test]
-fn an_empty_band_changes_nothing() {
-    let directory = tempfile::tempdir().unwrap();
-    for (name, format) in FORMATS {
-        let path = directory.path().join(name);
-        let mut writer = ImageWriter::create(&path, format, 5, 3).unwrap();
-        if format.is_8bit() { writer.write_rgb8(&[]) } else { writer.write_f32x3(&[]) }.unwrap();
-        write_rows(&mut writer, format, (5, 3), 2).unwrap();
-        writer.finish().unwrap();
-        assert_eq!(read(&path).unwrap(), expected(format, 5, 3));
-    }
-}
-
 /// A 2x2 picture for the literal bytes.
 const TINY: [[u8; 3]; 4] = [[255, 0, 9], [10, 99, 100], [0, 0, 0], [1, 2, 3]];
 

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use rayo::experiments::accuracy::subjects::{self, Subject};
-use rayo::experiments::accuracy::{Entry, Who, contenders, judge, summary};
+use rayo::experiments::accuracy::{contenders, judge};
 use rayo::experiments::in_size;
 use rayo::reference::exact::Exact;
 use rayo::reference::number::{Number, Split};
@@ -206,21 +206,6 @@ fn outside_of_the_margin_no_packet_and_not_the_reference_is_wrong() {
         }
     }
     assert!(judged > 50, "only {judged} pictures were judged");
-}
-
-#[test]
-fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
-    let mut reasons = BTreeMap::new();
-    for contender in contenders() {
-        for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
-            let who: Who = Entry { contender, output }.into();
-            let reason = summary::reason(&who);
-            assert!(reason.ends_with('.') && reason.len() > 30, "{who:?}: {reason}");
-            reasons.entry(who.engine).or_insert(reason);
-        }
-    }
-    let different: std::collections::BTreeSet<_> = reasons.values().collect();
-    assert_eq!(different.len(), reasons.len(), "{reasons:?}");
 }
 
 fn rayo_accuracy(args: &[&str], out: &Path) -> Run {

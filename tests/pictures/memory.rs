@@ -5,21 +5,7 @@ use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
 use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{Camera, Light, MeshFormat, Rng, Scene, Setting, Sphere, Triangle};
-
-/// Triangles at random places in front of the camera, as wide as `size` pixels or so.
-fn spread(triangles: usize, size: f32, camera: Camera) -> Scene {
-    let mut rng = Rng::new(1);
-    let pixel = camera.film() / camera.focal() / (camera.width() as f32).hypot(camera.height() as f32);
-    let triangles = (0..triangles).map(|_| {
-        let depth = rng.between(5.0, 50.0);
-        let middle = Vec3::new(rng.between(-0.4, 0.4), rng.between(-0.3, 0.3), 1.0) * depth;
-        let reach = 0.5 * size * pixel * depth;
-        let corners = [[0; 3]; 3].map(|corner| Vec3::from(corner.map(|_| rng.between(-reach, reach))));
-        Triangle { colour: Vec3::ONE, vertices: corners.map(|corner| middle + corner) }
-    });
-    Scene { camera, triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
-}
+use rayo::scene::{Camera, Light, MeshFormat, Rng, Scene, Sphere, Triangle};
 
 /// Triangles that each meet as many tiles as an object's place in the lists is kept for, in 11 tiles of a row: `across` says
 /// which is the first of each.
@@ -96,28 +82,6 @@ fn from_a_mesh_file_to_its_picture_a_triangle_takes_at_most_45_bytes() {
         let ((), peak) = peak_of(|| picture(&rayo::scene::read(&path).unwrap(), Precision::Single, &mut film));
         let each = peak.saturating_sub(FIXED) as f64 / count as f64;
         assert!(each <= 45.0, "{}: {each:.1} bytes for each", path.display());
-    }
-}
-
-#[test]
-fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
-    /// What does not grow with the number: the tile that is worked on, and the places of all tiles.
-    const FIXED: usize = 1 << 20;
-    let camera = Camera::new(1632, 1224, 1.0, 1.0).unwrap();
-    let mesh = icosphere(100_000, 0.1, 1);
-    let setting = Setting::of(&mesh, MeshFormat::Obj, &camera).unwrap();
-    let mesh = setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera).unwrap();
-    let mut scenes = vec![("mesh", mesh)];
-    for size in [40.0, 120.0, 160.0, 2000.0] {
-        scenes.push(("spread", spread(60_000, size, camera)));
-    }
-    for (name, scene) in scenes {
-        let count = scene.triangle_count();
-        for &precision in extent::sampled(Engine::fastest().precisions(), 3) {
-            let peak = peak_beside(&scene, precision);
-            let each = peak.saturating_sub(FIXED) as f64 / count as f64;
-            assert!(each <= 200.0, "{name} of {count} in {precision}: {peak} bytes, {each:.1} for each");
-        }
     }
 }
 
