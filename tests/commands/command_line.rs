@@ -169,42 +169,32 @@ fn what_is_mistyped_is_met_with_a_suggestion() {
 #[test]
 fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
     let place = Place::new();
+    let refuses = |arguments: &str, message: &str| {
+        place.refuses(&format!("render scene.in -o x.png {arguments}"), 2, message);
+    };
     let size = "expected width and height in pixels, as in 1632x1224, or one of them, as in 800x or x600";
-    let threads = "expected a whole number from 1 to 4096";
-    let pictures = "expected a whole number from 1 to 100000";
-    let film = "error: the film diagonal must be a finite number greater than 0, not";
-    let focal = "error: the focal distance must be a finite number greater than 0, not";
-    let table = [
-        ("--size 0x5", "error: each side of an image must be from 1 to 1000000 pixels, not 0x5".into()),
-        ("--size 1000001x1", "error: each side of an image must be from 1 to 1000000 pixels, not 1000001x1".into()),
-        ("--size 1000000x1000000", "error: an image of 1000000x1000000 has more than 2147483648 pixels".into()),
-        ("--size axb", invalid("axb", "--size <WxH>", size)),
-        ("--size 5", invalid("5", "--size <WxH>", size)),
-        ("--size x", invalid("x", "--size <WxH>", size)),
-        ("--size 5xx", invalid("5xx", "--size <WxH>", size)),
-        (
-            "--size x1000001",
-            "error: each side of an image must be from 1 to 1000000 pixels, not 1333335x1000001".into(),
-        ),
-        ("--size -1x5", invalid("-1x5", "--size <WxH>", size)),
-        ("--size 4294967296x1", invalid("4294967296x1", "--size <WxH>", size)),
-        ("--film -1", format!("{film} -1")),
-        ("--film 0", format!("{film} 0")),
-        ("--film nan", format!("{film} NaN")),
-        ("--film=-inf", format!("{film} -inf")),
-        ("--film one", invalid("one", "--film <DIAGONAL>", "invalid float literal")),
-        ("--focal inf", format!("{focal} inf")),
-        ("--focal -2.5", format!("{focal} -2.5")),
-        ("--threads 0", invalid("0", "--threads <N>", threads)),
-        ("--threads -2", invalid("-2", "--threads <N>", threads)),
-        ("--threads 99999999", invalid("99999999", "--threads <N>", threads)),
-        ("--threads two", invalid("two", "--threads <N>", threads)),
-        ("--orbit 0", invalid("0", "--orbit <N>", pictures)),
-        ("--orbit 100001", invalid("100001", "--orbit <N>", pictures)),
-        ("--orbit 1.5", invalid("1.5", "--orbit <N>", pictures)),
-    ];
-    for (arguments, message) in table {
-        place.refuses(&format!("render scene.in -o x.png {arguments}"), 2, &message);
+    let float = "invalid float literal";
+    for (option, name, values, expected) in [
+        ("--size", "<WxH>", "axb 5 x 5xx -1x5 4294967296x1", size),
+        ("--film", "<DIAGONAL>", "one", float),
+        ("--threads", "<N>", "0 -2 99999999 two", "expected a whole number from 1 to 4096"),
+        ("--orbit", "<N>", "0 100001 1.5", "expected a whole number from 1 to 100000"),
+    ] {
+        for value in values.split(' ') {
+            refuses(&format!("{option} {value}"), &invalid(value, &format!("{option} {name}"), expected));
+        }
+    }
+    let side = "each side of an image must be from 1 to 1000000 pixels";
+    for (size, shown) in [("0x5", "0x5"), ("1000001x1", "1000001x1"), ("x1000001", "1333335x1000001")] {
+        refuses(&format!("--size {size}"), &format!("error: {side}, not {shown}"));
+    }
+    refuses("--size 1000000x1000000", "error: an image of 1000000x1000000 has more than 2147483648 pixels");
+    for (argument, shown) in [("--film -1", "-1"), ("--film 0", "0"), ("--film nan", "NaN"), ("--film=-inf", "-inf")] {
+        refuses(argument, &format!("error: the film diagonal must be a finite number greater than 0, not {shown}"));
+    }
+    for value in ["inf", "-2.5"] {
+        let message = format!("error: the focal distance must be a finite number greater than 0, not {value}");
+        refuses(&format!("--focal {value}"), &message);
     }
     assert_eq!(place.files(), ["scene.in"]);
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::program::rayo;
 use rayo::measure::picture::Pixels;
-use rayo::render::{Engine, read};
+use rayo::render::read;
 use tempfile::TempDir;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -18,30 +18,6 @@ fn render(directory: &Path, name: &str, args: &[&str]) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-fn linear(path: &Path) -> Vec<[f32; 3]> {
-    match read(path).unwrap().pixels {
-        Pixels::Rgb32F(pixels) => pixels,
-        Pixels::Rgb8(_) => panic!("it has floats"),
-    }
-}
-
-#[test]
-fn every_engine_develops_the_same_on_any_number_of_threads_whole_and_in_parts() {
-    let directory = TempDir::new().unwrap();
-    let look = ["--samples", "3", "--background", "0.1,0.2,0.4", "--exposure", "0.5", "--srgb"];
-    let engines = Engine::ALL.iter().filter(|engine| engine.usable());
-    for (engine, edges) in engines.flat_map(|engine| [(engine, &[][..]), (engine, &["--edges"])]) {
-        let with = |name: &str, more: &[&str]| {
-            render(directory.path(), name, &[&look[..], edges, &["--engine", engine.name()], more].concat())
-        };
-        let one = with("one.ppm", &["--threads", "1"]);
-        assert!(one == with("three.ppm", &["--threads", "3"]), "{engine}: threads show");
-        let part = with("part.ppm", &["--rows", "40..70"]);
-        let pixels = &one[one.len() - 120 * 90 * 3..];
-        assert!(part.ends_with(&pixels[40 * 360..70 * 360]), "{engine}: rows differ alone");
-    }
-}
-
 #[test]
 fn what_is_not_asked_for_changes_no_byte() {
     let directory = TempDir::new().unwrap();
@@ -49,29 +25,6 @@ fn what_is_not_asked_for_changes_no_byte() {
     let asked = render(directory.path(), "asked.png", &["--samples", "1", "--exposure", "0", "--background", "0,0,0"]);
     assert!(plain == asked);
     assert!(plain != render(directory.path(), "srgb.png", &["--srgb"]));
-}
-
-#[test]
-fn edges_are_smooth_and_a_stop_doubles_what_is_there() {
-    let directory = TempDir::new().unwrap();
-    let picture = |name: &str, args: &[&str]| {
-        render(directory.path(), name, args);
-        linear(&directory.path().join(name))
-    };
-    let backed = ["--background", "1,0,0"];
-    let shades = |picture: &[[f32; 3]]| {
-        let mut reds: Vec<u32> = picture.iter().map(|[red, ..]| red.to_bits()).collect();
-        reds.sort_unstable();
-        reds.dedup();
-        reds.len()
-    };
-    let (one, four) = (picture("1.pfm", &backed), picture("4.pfm", &[&backed[..], &["--samples", "4"]].concat()));
-    assert!(one.contains(&[1.0, 0.0, 0.0]) && four.contains(&[1.0, 0.0, 0.0]));
-    assert!(shades(&four) > shades(&one), "edges have no shades between");
-    let brighter = picture("brighter.pfm", &["--samples", "4", "--background", "1,0,0", "--exposure", "1"]);
-    for (exposed, light) in brighter.iter().zip(four) {
-        assert_eq!(*exposed, light.map(|v| 2.0 * v));
-    }
 }
 
 #[test]

@@ -418,22 +418,6 @@ mod unix {
     }
 
     #[test]
-    fn a_reader_that_goes_away_is_an_error() {
-        let directory = tempfile::tempdir().unwrap();
-        let fifo = directory.path().join("fifo");
-        assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
-        for (name, format) in FORMATS {
-            let error = std::thread::scope(|scope| {
-                let reader = scope.spawn(|| drop(fs::File::open(&fifo).unwrap()));
-                let mut writer = ImageWriter::create(&fifo, format, 40, 30).unwrap();
-                reader.join().unwrap();
-                write_rows(&mut writer, format, (40, 30), 7).and_then(|()| writer.finish()).unwrap_err().to_string()
-            });
-            assert!(error.contains("has stopped"), "{name}: {error}");
-        }
-    }
-
-    #[test]
     fn the_file_has_the_permissions_of_any_new_file() {
         let directory = tempfile::tempdir().unwrap();
         // The umask of this process is what a file created in the plain way shows.

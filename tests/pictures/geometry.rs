@@ -90,20 +90,6 @@ fn a_sphere_hides_what_is_behind_one_of_its_walls_and_what_touches_it() {
 }
 
 #[test]
-fn what_is_small_and_near_a_light_hides_it_from_what_is_far_away() {
-    let (light, side) = (corner(0.5, 8.0, 4.0), corner(3.0, -4.0, 0.0));
-    for far in [1e3, 1e10, 1e20, 1e30] {
-        let p = light + far * side;
-        for (beside, hides) in [(0.0, true), (1.2, false)] {
-            let centre = light + 2.0 * side + beside * corner(0.8, 0.6, 0.0);
-            let vertices = [Z, corner(0.8, 0.6, -1.0), corner(-0.8, -0.6, -1.0)].map(|v| centre + v);
-            assert_eq!(sphere_hides(light, p, centre, 1.0, E), hides, "{far}");
-            assert_eq!(triangle_hides(light, p, vertices, E), hides, "{far}");
-        }
-    }
-}
-
-#[test]
 fn a_triangle_hides_from_both_sides_with_its_edges_and_corners_but_not_what_is_in_its_plane() {
     let (light, p) = (corner(0.0, 8.0, 4.0), corner(0.0, 0.0, 4.0));
     // The segment goes through (0, 4, 4), to the right of this corner by x and in front of it by z.
@@ -160,38 +146,6 @@ fn an_object_hides_a_light_where_a_ray_from_the_light_meets_it_before_the_point(
         }
     }
     assert!(hidden.iter().all(|hidden| *hidden > 3_000) && asked > 199_000, "{hidden:?} of {asked}");
-}
-
-#[test]
-fn a_light_at_any_distance_and_above_a_ground_of_any_size_is_where_it_is() {
-    let (block, tent) = (corner(1.0, 2.0, 5.0), [(-1.0, 1.0), (3.0, -1.0), (-1.0, -1.0)]);
-    let tent = tent.map(|(x, z)| corner(x, 2.0, 5.0 + z));
-    for distance in [1e2, 1e5, 1e10, 1e20, 1e30, 3e38] {
-        for (p, hides) in [(corner(1.0, 0.0, 5.0), true), (corner(3.0, 0.0, 5.0), false)] {
-            let light = corner(0.0, distance, 0.0);
-            assert_eq!(sphere_hides(light, p, block, 0.5, E), hides, "{distance}");
-            assert_eq!(triangle_hides(light, p, tent, E), hides, "{distance}");
-        }
-    }
-    // What is next to a light hides it from a cone.
-    let light = corner(1.0, 2.0, 3.0);
-    let beside = |x: f64, z: f64| corner(0.25 + x, 1.0, z - 0.125);
-    let caster = [(-1.0, 1.0), (3.0, -1.0), (-1.0, -1.0)].map(|(x, z)| light + beside(x, z));
-    for distance in [2.0, 1e5, 1e8, 1e10, 1e13] {
-        for (x, z) in [(0.0, 0.0), (-0.9, -0.9), (2.7, -0.9), (1.1, 0.0), (0.0, -1.1), (-1.1, 0.0)] {
-            let hides = x > -1.0 && z > -1.0 && x + 2.0 * z < 1.0;
-            assert_eq!(triangle_hides(light, light + distance * beside(x, z), caster, E), hides, "{distance} {x} {z}");
-        }
-    }
-    for radius in [1e2, 1e4, 1e6, 1e7] {
-        let ground = corner(0.0, -radius, 5.0);
-        for height in [1e-3, 0.7, 3.0].map(|height: f64| f64::from(height as f32)) {
-            let p = corner(0.1, height, 5.0);
-            assert!(!sphere_hides(corner(3.0, 0.1, 4.0), p, ground, radius, E), "{radius} {height}");
-            assert!(sphere_hides(corner(3.0, -0.5, 4.0), p, ground, radius, E), "{radius} {height}");
-            assert!(sphere_hides(corner(0.3, -3.0 * radius, 4.0), p, ground, radius, E), "{radius} {height}");
-        }
-    }
 }
 
 #[test]

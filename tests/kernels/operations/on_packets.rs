@@ -1,4 +1,4 @@
-//! The operations on packets: each against its scalar twin to the last bit, and what they hit by hand.
+//! The operations on packets: each against its scalar twin to the last bit.
 //!
 //! Against exact numbers over whole families of objects they are in tests/pictures/stability.rs.
 
@@ -7,10 +7,8 @@ use std::fmt::Debug;
 use rayo::kernels::harness::faults;
 use rayo::kernels::harness::lanes::{Lanes, Number, Packet, dot};
 use rayo::kernels::{Isa, PacketElement, PacketOp, packet_ops};
-use rayo::plan::{InUnits, sphere_hit, triangle_hit};
 use rayo::scene::Rng;
 
-use super::{SPHERES, TRIANGLES};
 use crate::kernel_cases::{Numbers, seed};
 
 /// SPHERE_HIT3: t, or infinity where the ray `d` misses, by the fields of SphereHit.
@@ -117,67 +115,6 @@ fn every_operation_on_packets_equals_its_twin_to_the_last_bit_and_keeps_the_call
     let mut rng = Rng::new(seed());
     all_equal_their_twins::<f32>(&mut rng);
     all_equal_their_twins::<f64>(&mut rng);
-}
-
-/// t of each of `rays`, by the operation `name` on packets.
-fn hits<E: PacketElement>(isa: Isa, name: &str, rays: &[[f32; 3]], record: &[E]) -> Vec<f64> {
-    let op = packet_ops::<E>(isa).unwrap().iter().find(|op| op.name == name).unwrap();
-    let mut found = Vec::new();
-    for rays in rays.chunks(op.lanes) {
-        // The last packet is filled up with rays that have no direction.
-        let number = |i: usize| rays.get(i % op.lanes).map_or(0.0, |ray| ray[i / op.lanes]);
-        let a: Vec<_> = (0..3 * op.lanes).map(|i| E::from_f64(number(i).into())).collect();
-        let mut out = vec![E::default(); op.lanes];
-        op.call(&mut out, &a, record);
-        found.extend(out[..rays.len()].iter().map(|t| t.to_f64()));
-    }
-    found
-}
-
-/// Calls `check` with each ISA that runs here and the function [`hits`] of f32 and of f64, records made by `record`.
-fn in_every_form(mut check: impl FnMut(&str, &dyn Fn(&str, &[[f32; 3]], Object) -> Vec<f64>)) {
-    fn of<E: PacketElement>(isa: Isa, name: &str, rays: &[[f32; 3]], object: Object) -> Vec<f64> {
-        let reach = [0, 1, 2].map(|i| rays.iter().map(|ray| ray[i].abs()).fold(0.0, f32::max));
-        let wide = |v: [f32; 3]| v.map(f64::from);
-        let (record, unit): (Vec<E>, f64) = match object {
-            Object::Sphere(centre, radius) => {
-                let InUnits { record, unit } = sphere_hit(wide(centre), radius.into());
-                (record.numbers(), unit)
-            }
-            Object::Triangle(vertices) => {
-                let InUnits { record, unit } = triangle_hit(vertices.map(wide), wide(reach));
-                (record.numbers(), unit)
-            }
-        };
-        hits(isa, name, rays, &record).into_iter().map(|t| unit * t).collect()
-    }
-    for isa in Isa::ALL.into_iter().filter(|isa| isa.usable()) {
-        check(&format!("{isa} f32"), &|name, rays, object| of::<f32>(isa, name, rays, object));
-        check(&format!("{isa} f64"), &|name, rays, object| of::<f64>(isa, name, rays, object));
-    }
-}
-
-#[derive(Clone, Copy)]
-enum Object {
-    Sphere([f32; 3], f32),
-    Triangle([[f32; 3]; 3]),
-}
-
-#[test]
-fn packets_hit_spheres_and_triangles_on_each_path_as_worked_out_by_hand() {
-    in_every_form(|form, hits| {
-        for (path, ray, centre, radius, t) in SPHERES {
-            let found = hits("sphere", &[ray], Object::Sphere(centre, radius))[0];
-            let close = path == "a slanting ray" && (found - f64::from(t)).abs() < 1e-6;
-            assert!(found == f64::from(t) || close, "{form}, {path}: {found} instead of {t}");
-        }
-        for (path, ray, [a, b, c], t) in TRIANGLES {
-            for vertices in [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [b, a, c], [a, c, b]] {
-                let found = hits("triangle", &[ray], Object::Triangle(vertices))[0];
-                assert_eq!(found, f64::from(t), "{form}, {path}, {vertices:?}");
-            }
-        }
-    });
 }
 
 #[test]
