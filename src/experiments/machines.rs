@@ -3,9 +3,8 @@
 use plotters::prelude::*;
 
 use super::report::Results;
-use super::speedup::{CONTROL, PAPER};
+use super::speedup::{CONTROL, PAPER, Timing};
 use super::svg::{GREY, Mark, PlotError, SMALL, Screen, colour_of, down, draw, head, lines, text_width, write};
-use crate::measure::Name;
 use crate::measure::statistics::Estimate;
 use crate::render::PixelFormat;
 
@@ -52,25 +51,14 @@ pub fn figure(ratios: &[(&str, Estimate)], screen: Screen) -> Result<String, Plo
     })
 }
 
-/// An engine in its machine's largest picture.
-pub struct AgainstBound {
-    pub engine: Name,
-    pub output: Name,
-    pub width: u32,
-    pub height: u32,
-    /// Median TSC cycles.
-    pub cycles_per_pixel: f64,
-    /// What the widest stores take for a pixel's bytes, where the picture is; None where that was not measured.
-    pub bound: Option<f64>,
-}
-
-/// Every engine at the largest size of the experiment.
-pub fn against_bound(results: &Results) -> Vec<AgainstBound> {
-    let Some(experiment) = &results.experiment else { return Vec::new() };
-    let most = experiment.table.rows.iter().map(|row| row.pixels).max();
-    let bound = |output: &str, pixels: u64| {
-        let format = PixelFormat::ALL.into_iter().find(|format| format.name() == output)?;
-        let bytes = pixels as usize * format.bytes();
+/// Every engine at the largest size of the experiment, with what the widest stores take for a pixel's bytes, where the picture is;
+/// None where that was not measured.
+pub fn against_bound(results: &Results) -> impl Iterator<Item = (&Timing, Option<f64>)> {
+    let rows = || results.experiment.iter().flat_map(|experiment| &experiment.table.rows);
+    let most = rows().map(|row| row.pixels).max();
+    let bound = |row: &Timing| {
+        let format = PixelFormat::ALL.into_iter().find(|format| format.name() == row.output)?;
+        let bytes = row.pixels as usize * format.bytes();
         let roofs = &results.roofline.as_ref()?.roofs;
         // The first level that the picture fits into, or the last that there is.
         let caches = &results.machine.caches;
@@ -78,14 +66,5 @@ pub fn against_bound(results: &Results) -> Vec<AgainstBound> {
         let roof = roofs.get(level).or(roofs.last())?;
         Some(format.bytes() as f64 / roof.bytes_per_cycle)
     };
-    let rows = experiment.table.rows.iter().filter(|row| Some(row.pixels) == most);
-    rows.map(|row| AgainstBound {
-        engine: row.engine.clone(),
-        output: row.output.clone(),
-        width: row.width,
-        height: row.height,
-        cycles_per_pixel: row.cycles_median / row.pixels as f64,
-        bound: bound(&row.output, row.pixels),
-    })
-    .collect()
+    rows().filter(move |row| Some(row.pixels) == most).map(move |row| (row, bound(row)))
 }

@@ -78,14 +78,15 @@ fn bounds(all: &[Results], names: &[String]) -> Table {
     let mut table =
         Table::new(3, ["machine", "engine", "picture", "cycles a pixel", "bound, cycles a pixel", "times the bound"]);
     for (name, results) in names.iter().zip(all) {
-        for row in machines::against_bound(results) {
+        for (row, bound) in machines::against_bound(results) {
+            let cycles = row.cycles_per_pixel();
             table.row(vec![
                 name.clone(),
                 format!("{}, {}", row.engine, row.output),
                 format!("{}×{}", row.width, row.height),
-                format!("{:.2}", row.cycles_per_pixel),
-                row.bound.map_or("-".into(), |bound| format!("{bound:.2}")),
-                row.bound.map_or("-".into(), |bound| format!("{:.1}", row.cycles_per_pixel / bound)),
+                format!("{cycles:.2}"),
+                bound.map_or("-".into(), |bound| format!("{bound:.2}")),
+                bound.map_or("-".into(), |bound| format!("{:.1}", cycles / bound)),
             ]);
         }
     }
