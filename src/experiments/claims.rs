@@ -4,14 +4,15 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::document::Experiment;
 use super::in_size;
 use super::jumps::Jumps;
 use super::lab::{Bench, Case, LabError, Progress, Taken, Timed};
 use super::ladder::{self, AgainstCompiler, Rung};
 use super::speedup::{self, BASELINE, CONTROL, PAPER, Speedup, Timing};
+use crate::measure::Clock;
 use crate::measure::Name;
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
-use crate::measure::{Clock, Machine};
 use crate::render::{Engine, PixelFormat, Purpose};
 use crate::scene::{Light, Scene, many};
 
@@ -149,8 +150,8 @@ pub fn sweeps(quick: bool, clock: &mut dyn Clock, proceed: &mut Progress<'_>) ->
     Ok(Some(sweeps))
 }
 
-/// The cost in pixels, which the table has measured; None with fewer than three sizes, through which any line goes.
-fn pixel_sweeps(rows: &[Timing]) -> Option<Vec<Sweep>> {
+/// The cost in pixels, which the table has measured; none with fewer than three sizes, through which any line goes.
+fn pixel_sweeps(rows: &[Timing]) -> Vec<Sweep> {
     let sweep = |engine: &'static str| {
         let rows: Vec<_> = rows.iter().filter(|row| row.is(engine)).collect();
         let points: Vec<_> = rows.iter().map(|row| (row.pixels as f64, row.cycles_min)).collect();
@@ -163,17 +164,7 @@ fn pixel_sweeps(rows: &[Timing]) -> Option<Vec<Sweep>> {
             taken,
         })
     };
-    [BASELINE, CONTROL].into_iter().map(sweep).collect()
-}
-
-/// What was measured for the claims; what was not is None.
-pub struct Evidence<'a> {
-    pub speedup: &'a Speedup,
-    pub sweeps: Option<&'a [Sweep]>,
-    pub rungs: Option<&'a [Rung]>,
-    /// Time by the pixel from small pictures to large ones.
-    pub jumps: Option<&'a Jumps>,
-    pub machine: &'a Machine,
+    [BASELINE, CONTROL].into_iter().filter_map(sweep).collect()
 }
 
 /// What is about 6: from 5 to 7. The paper's own rows are from 6.1 to 6.8.
@@ -185,9 +176,9 @@ const READABLE: f64 = 0.25;
 /// A share of a factor from which on a cause is one that matters.
 const MATTERS: f64 = 0.10;
 
-/// The verdict about every claim.
-pub fn judge(evidence: &Evidence<'_>) -> Vec<Claim> {
-    let reasons = reasons(evidence);
+/// The verdict about every claim, by what was measured and the rungs of the ladder: none of either where that was not.
+pub fn judge(of: &Experiment, rungs: &[Rung]) -> Vec<Claim> {
+    let reasons = reasons(of, rungs);
     let claim = |claim: &'static str, by: &[Source], (verdict, figure): (Verdict, String)| {
         // What was not measured needs no other reason.
         match reasons.iter().find(|(source, _)| by.contains(source)) {
@@ -199,19 +190,19 @@ pub fn judge(evidence: &Evidence<'_>) -> Vec<Claim> {
     };
     use Source::{Jumps, Ladder, Sweeps, Table};
     vec![
-        claim("SIMD is about 6 times faster than C", &[Table], factor(evidence)),
-        claim("The ratio does not depend on the size", &[Table], constant_ratio(evidence.speedup)),
-        claim("The cost grows linearly in pixels", &[Table], linear(evidence, Axis::Pixels)),
-        claim("The cost grows linearly in objects", &[Sweeps], linear(evidence, Axis::Objects)),
-        claim("The cost grows linearly in lights", &[Sweeps], linear(evidence, Axis::Lights)),
-        claim("Macros in place of calls matter little (section 4)", &[Ladder, Table], macros_matter_little(evidence)),
+        claim("SIMD is about 6 times faster than C", &[Table], factor(of, rungs)),
+        claim("The ratio does not depend on the size", &[Table], constant_ratio(&of.table)),
+        claim("The cost grows linearly in pixels", &[Table], linear(of, Axis::Pixels)),
+        claim("The cost grows linearly in objects", &[Sweeps], linear(of, Axis::Objects)),
+        claim("The cost grows linearly in lights", &[Sweeps], linear(of, Axis::Lights)),
+        claim("Macros in place of calls matter little (section 4)", &[Ladder, Table], macros_matter_little(of, rungs)),
         claim(
             "Macros in place of calls explain the factor beyond 3 (section 5)",
             &[Ladder, Table],
-            macros_explain(evidence),
+            macros_explain(rungs),
         ),
-        claim("Written by hand it is faster than compiled (section 5)", &[Ladder], by_hand(evidence)),
-        claim("The jumps in time are the cache", &[Jumps, Table], jumps(evidence)),
+        claim("Written by hand it is faster than compiled (section 5)", &[Ladder], by_hand(of, rungs)),
+        claim("The jumps in time are the cache", &[Jumps, Table], jumps(of)),
     ]
 }
 
@@ -226,14 +217,14 @@ enum Source {
 
 /// Why there are verdicts that this run cannot give, where it could have: others had the core, or two figures of one thing are
 /// apart.
-pub fn disturbed(evidence: &Evidence<'_>) -> Vec<String> {
-    let mut reasons: Vec<String> = reasons(evidence).into_iter().map(|(_, why)| why).collect();
+pub fn disturbed(of: &Experiment, rungs: &[Rung]) -> Vec<String> {
+    let mut reasons: Vec<String> = reasons(of, rungs).into_iter().map(|(_, why)| why).collect();
     reasons.dedup();
     reasons
 }
 
 /// Of what no verdict can be had, and why.
-fn reasons(evidence: &Evidence<'_>) -> Vec<(Source, String)> {
+fn reasons(of: &Experiment, rungs: &[Rung]) -> Vec<(Source, String)> {
     let mut reasons = Vec::new();
     let mut not_enough = |source, taken: Taken, what: &str| {
         if !taken.leaves_enough() {
@@ -242,31 +233,28 @@ fn reasons(evidence: &Evidence<'_>) -> Vec<(Source, String)> {
             reasons.push((source, why));
         }
     };
-    not_enough(Source::Table, evidence.speedup.taken, "pairs of pictures of the table");
-    let of_sweeps = evidence
-        .sweeps
-        .unwrap_or_default()
-        .iter()
-        .fold(Taken::default(), |all, sweep| Taken { taken: all.taken + sweep.taken, of: all.of + sweep.points.len() });
-    not_enough(Source::Ladder, evidence.rungs.map(ladder::taken).unwrap_or_default(), "pictures of the ladder");
+    not_enough(Source::Table, of.table.taken, "pairs of pictures of the table");
+    not_enough(Source::Ladder, ladder::taken(rungs), "pictures of the ladder");
     // One point that is off bends a line.
-    if let Taken { taken: taken @ 1.., of } = of_sweeps {
-        let why = format!("others had the core in most pictures at {taken} of {of} counts of objects and lights");
+    let taken: usize = of.sweeps.iter().map(|sweep| sweep.taken).sum();
+    if taken > 0 {
+        let counts: usize = of.sweeps.iter().map(|sweep| sweep.points.len()).sum();
+        let why = format!("others had the core in most pictures at {taken} of {counts} counts of objects and lights");
         reasons.push((Source::Sweeps, why));
     }
-    if let Some(why) = evidence.jumps.and_then(Jumps::disturbed) {
+    if let Some(why) = of.jumps.as_ref().and_then(Jumps::disturbed) {
         reasons.push((Source::Jumps, why));
     }
-    if let Some(why) = apart(evidence) {
+    if let Some(why) = apart(&of.table, rungs) {
         reasons.extend([Source::Table, Source::Ladder].map(|source| (source, why.clone())));
     }
     reasons
 }
 
 /// Where the table and the ladder, which both have `c` and `paper`, say two things.
-fn apart(evidence: &Evidence<'_>) -> Option<String> {
-    let ladder = ladder::ratio(evidence.rungs?, BASELINE, CONTROL)?;
-    let table = evidence.speedup.c_by_simd;
+fn apart(table: &Speedup, rungs: &[Rung]) -> Option<String> {
+    let ladder = ladder::ratio(rungs, BASELINE, CONTROL)?;
+    let table = table.c_by_simd;
     let wider = |of: Estimate| Estimate { low: of.low / (1.0 + SAME), high: of.high * (1.0 + SAME), ..of };
     (!wider(table).overlaps(&ladder)).then(|| {
         format!(
@@ -282,12 +270,11 @@ fn not_measured() -> (Verdict, String) {
 }
 
 /// About 6 is from 5 to 7, and it is the whole interval that has to be within or outside.
-fn factor(evidence: &Evidence<'_>) -> (Verdict, String) {
-    let ours = evidence.speedup.c_by_simd;
+fn factor(of: &Experiment, rungs: &[Rung]) -> (Verdict, String) {
+    let ours = of.table.c_by_simd;
     let [low, high] = ABOUT_SIX;
     let mut figure = format!("C/SIMD {:.2} [{:.2}, {:.2}]", ours.value, ours.low, ours.high);
-    let called = evidence.rungs.and_then(|rungs| ladder::ratio(rungs, "c, called", "paper"));
-    if let Some(called) = called {
+    if let Some(called) = ladder::ratio(rungs, "c, called", "paper") {
         figure += &format!("; {:.2} [{:.2}, {:.2}] where C calls its functions", called.value, called.low, called.high);
     }
     let (verdict, where_it_is) = if (ours.high - ours.low) / ours.value > READABLE {
@@ -335,20 +322,15 @@ fn constant_ratio(speedup: &Speedup) -> (Verdict, String) {
     (verdict, figure)
 }
 
-fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
-    if !evidence.machine.tsc_invariant {
+fn linear(of: &Experiment, axis: Axis) -> (Verdict, String) {
+    if !of.machine.tsc_invariant {
         return (Verdict::NotTestable, "the time-stamp counter is not known to tick at a constant rate".into());
     }
-    let pixels;
-    let sweeps = match axis {
-        Axis::Pixels => {
-            pixels = pixel_sweeps(&evidence.speedup.rows);
-            pixels.as_deref()
-        }
-        Axis::Objects | Axis::Lights => evidence.sweeps,
-    };
-    let Some(sweeps) = sweeps else { return not_measured() };
-    let of_axis: Vec<_> = sweeps.iter().filter(|sweep| sweep.axis == axis).collect();
+    let pixels = pixel_sweeps(&of.table.rows);
+    let of_axis: Vec<_> = of.sweeps.iter().chain(&pixels).filter(|sweep| sweep.axis == axis).collect();
+    if of_axis.is_empty() {
+        return not_measured();
+    }
     let unit = match axis {
         Axis::Pixels => "a pixel",
         Axis::Objects => "an object",
@@ -368,7 +350,7 @@ fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
         })
         .collect();
     let straight = of_axis.iter().all(|sweep| sweep.line.slope > 0.0 && sweep.line.residual <= STRAIGHT);
-    let (floor, figure) = (evidence.speedup.noise_floor, figures.join("; "));
+    let (floor, figure) = (of.table.noise_floor, figures.join("; "));
     if straight {
         (Verdict::Reproduced, figure)
     } else if floor > QUIET {
@@ -379,31 +361,28 @@ fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
 }
 
 /// What calls cost the paper's SIMD, and the share that they have in the factor of the C that calls.
-fn calls(evidence: &Evidence<'_>) -> Option<(f64, f64, f64)> {
-    let rungs = evidence.rungs?;
+fn calls(rungs: &[Rung]) -> Option<(f64, f64, f64)> {
     let simd = ladder::ratio(rungs, "paper, called", "paper")?.value;
     let whole = ladder::explain(rungs).into_iter().find(|whole| whole.from == "c, called")?;
     let share = whole.shares.iter().find(|share| share.cause == "calls")?;
     Some((simd, share.factor, share.share))
 }
 
-fn macros_matter_little(evidence: &Evidence<'_>) -> (Verdict, String) {
-    let Some((simd, c, share)) = calls(evidence) else { return not_measured() };
+fn macros_matter_little(of: &Experiment, rungs: &[Rung]) -> (Verdict, String) {
+    let Some((simd, c, share)) = calls(rungs) else { return not_measured() };
     let figure = format!(
         "calls cost the SIMD {:.0} % and the C {:.0} %, {:.0} % of the factor",
         100.0 * (simd - 1.0),
         100.0 * (c - 1.0),
         100.0 * share
     );
-    let little = simd - 1.0 < MATTERS.max(evidence.speedup.noise_floor) && share < MATTERS;
+    let little = simd - 1.0 < MATTERS.max(of.table.noise_floor) && share < MATTERS;
     (if little { Verdict::Reproduced } else { Verdict::NotReproduced }, figure)
 }
 
-fn macros_explain(evidence: &Evidence<'_>) -> (Verdict, String) {
-    let Some((_, c, share)) = calls(evidence) else { return not_measured() };
-    let Some(whole) = evidence.rungs.and_then(|rungs| ladder::ratio(rungs, "c, called", "paper")) else {
-        return not_measured();
-    };
+fn macros_explain(rungs: &[Rung]) -> (Verdict, String) {
+    let measured = calls(rungs).zip(ladder::ratio(rungs, "c, called", "paper"));
+    let Some(((_, c, share), whole)) = measured else { return not_measured() };
     // Three lanes of four give 3; what is beyond it is to be explained.
     let beyond = whole.value / LANES;
     let figure = format!(
@@ -416,8 +395,7 @@ fn macros_explain(evidence: &Evidence<'_>) -> (Verdict, String) {
 
 /// The paper's own form, its SIMD beside its C compiled without what the SIMD omits; and the packets' kernel beside the same
 /// closed form compiled. Intrinsics are told and not judged: they are by hand, too.
-fn by_hand(evidence: &Evidence<'_>) -> (Verdict, String) {
-    let Some(rungs) = evidence.rungs else { return not_measured() };
+fn by_hand(of: &Experiment, rungs: &[Rung]) -> (Verdict, String) {
     let Some(paper) = ladder::ratio(rungs, "lean", "paper") else { return not_measured() };
     let against = ladder::against_compiler(rungs);
     let closed: Vec<_> = against.iter().filter(|of| of.engine == ladder::WIDEST_BY_HAND).collect();
@@ -432,7 +410,7 @@ fn by_hand(evidence: &Evidence<'_>) -> (Verdict, String) {
     let plain = || closed.iter().filter(|of| !of.compiled.contains("intrinsics"));
     let lows = plain().map(|of| of.low).chain([paper.low]).fold(f64::INFINITY, f64::min);
     let highs = plain().map(|of| of.high).chain([paper.high]).fold(f64::INFINITY, f64::min);
-    let floor = 1.0 + evidence.speedup.noise_floor;
+    let floor = 1.0 + of.table.noise_floor;
     let verdict = match (plain().next().is_none(), lows > floor, highs < floor) {
         (true, ..) => return (Verdict::NotTestable, format!("{figure}; no kernel of packets was compiled")),
         (_, true, _) => Verdict::Reproduced,
@@ -445,12 +423,12 @@ fn by_hand(evidence: &Evidence<'_>) -> (Verdict, String) {
 /// What the paper expects of three lanes in use.
 const LANES: f64 = 3.0;
 
-fn jumps(evidence: &Evidence<'_>) -> (Verdict, String) {
-    if !evidence.machine.tsc_invariant {
+fn jumps(of: &Experiment) -> (Verdict, String) {
+    if !of.machine.tsc_invariant {
         return (Verdict::NotTestable, "the time-stamp counter is not known to tick at a constant rate".into());
     }
-    let Some(jumps) = evidence.jumps else { return not_measured() };
-    let floor = evidence.speedup.noise_floor;
+    let Some(jumps) = &of.jumps else { return not_measured() };
+    let floor = of.table.noise_floor;
     match jumps.cache_jumps(floor) {
         (Some(true), figure) => (Verdict::Reproduced, figure),
         (Some(false), figure) => (Verdict::NotReproduced, figure),
@@ -496,10 +474,6 @@ mod tests {
         }
     }
 
-    fn machine(tsc_invariant: bool) -> Machine {
-        Machine { tsc_invariant, ..Machine::this() }
-    }
-
     /// Rungs with these cycles.
     fn rungs(cycles: &[(&str, f64)]) -> Vec<Rung> {
         let rung = |(name, cycles): &(&str, f64)| Rung {
@@ -532,19 +506,19 @@ mod tests {
         Jumps { rows: rows.collect(), bandwidth: vec![bandwidth] }
     }
 
-    /// A table, and nothing else.
-    fn alone<'a>(speedup: &'a Speedup, machine: &'a Machine) -> Evidence<'a> {
-        Evidence { speedup, sweeps: None, rungs: None, jumps: None, machine }
+    /// A table, and nothing else, of a machine whose time-stamp counter is invariant.
+    fn alone(table: Speedup) -> Experiment {
+        let machine = Machine { tsc_invariant: true, ..Machine::default() };
+        Experiment { table, machine, ..Experiment::default() }
     }
 
-    fn verdict(evidence: &Evidence<'_>, claim: &str) -> Verdict {
-        let claims = judge(evidence);
+    fn verdict(of: &Experiment, rungs: &[Rung], claim: &str) -> Verdict {
+        let claims = judge(of, rungs);
         claims.iter().find(|judged| judged.claim.contains(claim)).unwrap_or_else(|| panic!("{claim}")).verdict
     }
 
     #[test]
     fn the_factor_is_held_against_the_papers_range() {
-        let machine = machine(true);
         for (ratio, spread, expected) in [
             (6.3, 0.01, Verdict::Reproduced),
             (5.28, 0.04, Verdict::Reproduced),
@@ -554,17 +528,15 @@ mod tests {
             (12.0, 0.01, Verdict::NotReproduced),
             (6.3, 0.3, Verdict::NotTestable),
         ] {
-            let speedup = table(ratio, spread, 0.01);
-            let evidence = alone(&speedup, &machine);
-            assert_eq!(verdict(&evidence, "6 times"), expected, "{ratio} {spread}");
-            assert!(judge(&evidence)[0].figure.contains("about 6 is from 5 to 7, and the interval is "));
-            assert_eq!(verdict(&evidence, "depend on the size"), Verdict::Reproduced);
+            let of = alone(table(ratio, spread, 0.01));
+            assert_eq!(verdict(&of, &[], "6 times"), expected, "{ratio} {spread}");
+            assert!(judge(&of, &[])[0].figure.contains("about 6 is from 5 to 7, and the interval is "));
+            assert_eq!(verdict(&of, &[], "depend on the size"), Verdict::Reproduced);
         }
     }
 
     #[test]
     fn one_run_of_each_size_cannot_show_that_the_ratio_depends_on_it() {
-        let machine = machine(true);
         for (runs, expected) in [(1, Verdict::NotTestable), (2, Verdict::NotReproduced)] {
             let mut speedup = table(4.3, 0.01, 0.01);
             for row in &mut speedup.rows {
@@ -572,18 +544,18 @@ mod tests {
             }
             let last = speedup.rows.last_mut().unwrap();
             (last.ratio_to_c, last.ratio_low, last.ratio_high) = (5.9, 5.8, 6.0);
-            assert_eq!(verdict(&alone(&speedup, &machine), "depend on the size"), expected, "{runs}");
+            assert_eq!(verdict(&alone(speedup), &[], "depend on the size"), expected, "{runs}");
         }
     }
 
     /// Asserts which claims have no verdict, and that the reason is told with each and once in all.
-    fn none_of(evidence: &Evidence<'_>, claims: &[&str], why: &str) {
-        for claim in judge(evidence) {
+    fn none_of(of: &Experiment, rungs: &[Rung], claims: &[&str], why: &str) {
+        for claim in judge(of, rungs) {
             let none = claims.iter().any(|none| claim.claim.contains(none));
             assert_eq!(claim.figure.contains(why), none, "{}: {}", claim.claim, claim.figure);
             assert!(!none || claim.verdict == Verdict::NotTestable, "{}", claim.claim);
         }
-        let reasons = disturbed(evidence);
+        let reasons = disturbed(of, rungs);
         assert_eq!(
             reasons.iter().filter(|reason| reason.contains(why)).count(),
             usize::from(!claims.is_empty()),
@@ -593,11 +565,8 @@ mod tests {
 
     #[test]
     fn where_others_had_the_core_there_is_no_verdict_by_what_they_disturbed() {
-        let machine = machine(true);
-        let (clean, jumps) = (table(6.3, 0.01, 0.01), sweep_of_sizes(&[100.0, 150.0, 250.0], 0.9));
         let line = fit_line(&[(1.0, 10.0), (2.0, 20.0), (3.0, 30.0)]);
         let sweep = |axis| Sweep { axis, engine: BASELINE.into(), points: vec![(1.0, 10.0); 3], line, taken: 0 };
-        let sweeps = [sweep(Axis::Objects), sweep(Axis::Lights)];
         let rungs = rungs(&[
             ("c, called", 128.0),
             ("c", 63.0),
@@ -607,36 +576,33 @@ mod tests {
             ("paper", 10.0),
             ("paper, called", 10.1),
         ]);
-        let evidence = |speedup| Evidence {
-            speedup,
-            sweeps: Some(&sweeps),
-            rungs: Some(&rungs),
-            jumps: Some(&jumps),
-            machine: &machine,
+        let clean = Experiment {
+            sweeps: vec![sweep(Axis::Objects), sweep(Axis::Lights)],
+            jumps: Some(sweep_of_sizes(&[100.0, 150.0, 250.0], 0.9)),
+            ..alone(table(6.3, 0.01, 0.01))
         };
-        assert_eq!(disturbed(&evidence(&clean)), Vec::<String>::new());
-        none_of(&evidence(&clean), &[], "others had the core");
+        assert_eq!(disturbed(&clean, &rungs), Vec::<String>::new());
+        none_of(&clean, &rungs, &[], "others had the core");
         // Half of the pairs are enough.
         for (taken, claims) in
             [(10, &[][..]), (11, &["about 6", "the size", "in pixels", "calls matter", "calls explain", "the cache"])]
         {
-            let speedup = Speedup { taken: Taken { taken, of: 20 }, ..clean.clone() };
-            none_of(&Evidence { speedup: &speedup, ..evidence(&clean) }, claims, "the core in 11 of 20 pairs");
+            let mut busy = clean.clone();
+            busy.table.taken = Taken { taken, of: 20 };
+            none_of(&busy, &rungs, claims, "the core in 11 of 20 pairs");
         }
         let busy: Vec<_> = rungs.iter().map(|rung| Rung { taken: vec![true, true, false], ..rung.clone() }).collect();
-        let by_rungs = Evidence { rungs: Some(&busy), ..evidence(&clean) };
-        none_of(&by_rungs, &["calls matter", "calls explain"], "the core in 14 of 21 pictures of the ladder");
-        let busy = [Sweep { taken: 1, ..sweep(Axis::Objects) }, sweep(Axis::Lights)];
-        let by_sweeps = Evidence { sweeps: Some(&busy), ..evidence(&clean) };
-        none_of(&by_sweeps, &["in objects", "in lights"], "at 1 of 6 counts");
-        let mut busy = jumps.clone();
-        busy.rows[0].taken_share = Some(0.35);
-        none_of(&Evidence { jumps: Some(&busy), ..evidence(&clean) }, &["the cache"], "the core for up to 35 %");
+        none_of(&clean, &busy, &["calls matter", "calls explain"], "the core in 14 of 21 pictures of the ladder");
+        let mut busy = clean.clone();
+        busy.sweeps[0].taken = 1;
+        none_of(&busy, &rungs, &["in objects", "in lights"], "at 1 of 6 counts");
+        let mut busy = clean;
+        busy.jumps.as_mut().unwrap().rows[0].taken_share = Some(0.35);
+        none_of(&busy, &rungs, &["the cache"], "the core for up to 35 %");
     }
 
     #[test]
     fn two_figures_of_one_thing_that_are_apart_are_both_told_and_neither_gives_a_verdict() {
-        let machine = machine(true);
         let steps = [
             ("c, called", 170.0),
             ("c", 0.0),
@@ -648,31 +614,29 @@ mod tests {
         ];
         for (c, is_apart) in [(52.8, false), (63.0, false), (167.4, true), (30.0, true)] {
             let rungs = rungs(&steps.map(|(name, cycles)| (name, if name == "c" { c } else { cycles })));
-            let speedup = table(5.28, 0.01, 0.01);
-            let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
+            let of = alone(table(5.28, 0.01, 0.01));
             let why = format!("5.28 [5.23, 5.33] by the table and {:.2} [{0:.2}, {0:.2}] by the ladder", c / 10.0);
             let claims = ["about 6", "the size", "in pixels", "calls matter", "calls explain"];
-            none_of(&evidence, if is_apart { &claims } else { &[] }, &why);
+            none_of(&of, &rungs, if is_apart { &claims } else { &[] }, &why);
         }
     }
 
     #[test]
     fn what_was_not_measured_is_not_testable_and_neither_are_cycles_without_an_invariant_counter() {
-        let speedup = table(6.3, 0.01, 0.01);
         for invariant in [true, false] {
-            let machine = machine(invariant);
-            let evidence = alone(&speedup, &machine);
+            let mut of = alone(table(6.3, 0.01, 0.01));
+            of.machine.tsc_invariant = invariant;
             for claim in ["in objects", "in lights", "matter little", "explain", "cache"] {
-                assert_eq!(verdict(&evidence, claim), Verdict::NotTestable, "{claim}");
+                assert_eq!(verdict(&of, &[], claim), Verdict::NotTestable, "{claim}");
             }
             let pixels = if invariant { Verdict::Reproduced } else { Verdict::NotTestable };
-            assert_eq!(verdict(&evidence, "in pixels"), pixels);
+            assert_eq!(verdict(&of, &[], "in pixels"), pixels);
         }
     }
 
     #[test]
     fn macros_are_judged_by_what_calls_cost() {
-        let (speedup, machine) = (table(6.3, 0.01, 0.01), machine(true));
+        let table = alone(table(6.3, 0.01, 0.01));
         let of = |calls: f64, paper_called: f64| {
             let inlined = 30.0;
             rungs(&[
@@ -690,15 +654,13 @@ mod tests {
             (1.02, 1.5, Verdict::NotReproduced, Verdict::NotReproduced),
         ] {
             let rungs = of(calls, paper_called);
-            let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
-            assert_eq!(verdict(&evidence, "matter little"), little, "{calls} {paper_called}");
-            assert_eq!(verdict(&evidence, "explain"), explain, "{calls} {paper_called}");
+            assert_eq!(verdict(&table, &rungs, "matter little"), little, "{calls} {paper_called}");
+            assert_eq!(verdict(&table, &rungs, "explain"), explain, "{calls} {paper_called}");
         }
     }
 
     #[test]
     fn the_hand_is_judged_by_the_same_algorithm_compiled() {
-        let machine = machine(true);
         let closed = "closed form in C, avx2";
         for (paper, compiled, floor, expected) in [
             (10.0, Some(1.5), 0.01, Verdict::Reproduced),
@@ -707,13 +669,12 @@ mod tests {
             (10.0, Some(1.5), 0.6, Verdict::NotReproduced),
             (10.0, None, 0.01, Verdict::NotTestable),
         ] {
-            let speedup = table(6.3, 0.01, floor);
+            let of = alone(table(6.3, 0.01, floor));
             let mut cycles = vec![("lean", 20.0), ("paper", paper), (ladder::WIDEST_BY_HAND, 1.0)];
             cycles.extend(compiled.map(|cycles| (closed, cycles)));
             cycles.push(("closed form in intrinsics, avx2", 0.9));
             let rungs = rungs(&cycles);
-            let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
-            assert_eq!(verdict(&evidence, "by hand"), expected, "{paper} {compiled:?} {floor}");
+            assert_eq!(verdict(&of, &rungs, "by hand"), expected, "{paper} {compiled:?} {floor}");
         }
     }
 
@@ -729,22 +690,19 @@ mod tests {
 
     #[test]
     fn the_cache_is_to_blame_only_where_time_jumps_and_stores_come_near_the_bandwidth() {
-        let machine = machine(true);
         for (cycles, share, floor, expected) in [
             (&[100.0, 101.0, 102.0][..], 0.9, 0.01, Verdict::NotReproduced),
             (&[100.0, 150.0, 250.0], 0.9, 0.01, Verdict::Reproduced),
             (&[100.0, 150.0, 250.0], 0.02, 0.01, Verdict::NotReproduced),
             (&[100.0, 150.0, 250.0], 0.9, 0.5, Verdict::NotTestable),
         ] {
-            let (speedup, jumps) = (table(6.3, 0.01, floor), sweep_of_sizes(cycles, share));
-            let evidence = Evidence { jumps: Some(&jumps), ..alone(&speedup, &machine) };
-            assert_eq!(verdict(&evidence, "cache"), expected, "{cycles:?} {share} {floor}");
+            let of = Experiment { jumps: Some(sweep_of_sizes(cycles, share)), ..alone(table(6.3, 0.01, floor)) };
+            assert_eq!(verdict(&of, &[], "cache"), expected, "{cycles:?} {share} {floor}");
         }
     }
 
     #[test]
     fn a_crooked_cost_is_not_linear_unless_noise_could_have_bent_it() {
-        let machine = machine(true);
         let sweep = |points: Vec<(f64, f64)>| {
             let line = fit_line(&points);
             vec![Sweep { axis: Axis::Objects, engine: BASELINE.into(), points, line, taken: 0 }]
@@ -756,9 +714,8 @@ mod tests {
             (&crooked, 0.01, Verdict::NotReproduced),
             (&crooked, 0.2, Verdict::NotTestable),
         ] {
-            let speedup = table(6.3, 0.01, floor);
-            let evidence = Evidence { sweeps: Some(sweeps), ..alone(&speedup, &machine) };
-            assert_eq!(verdict(&evidence, "in objects"), expected, "{floor}");
+            let of = Experiment { sweeps: sweeps.clone(), ..alone(table(6.3, 0.01, floor)) };
+            assert_eq!(verdict(&of, &[], "in objects"), expected, "{floor}");
         }
     }
 }

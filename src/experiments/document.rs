@@ -48,11 +48,6 @@ pub struct Conditions {
 }
 
 impl Experiment {
-    /// The document of a table alone.
-    pub fn new(table: Speedup, machine: Machine, conditions: Conditions) -> Self {
-        Experiment { machine, conditions, table, ..Experiment::default() }
-    }
-
     /// The sizes that were finished, each with its rows.
     pub fn sizes(&self) -> impl Iterator<Item = &[Timing]> {
         self.table.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)

@@ -11,7 +11,7 @@ use super::{ExperimentArgs, table};
 use crate::cli::measuring::{bar, cores, create_directory, failure, no_clock, pin, write_file, write_results};
 use crate::cli::party::Party;
 use crate::cli::{Failure, print_result, say};
-use crate::experiments::claims::{self, Evidence};
+use crate::experiments::claims;
 use crate::experiments::document::{Conditions, Experiment};
 use crate::experiments::lab::{LabError, Progress};
 use crate::experiments::speedup::{self, Settings, Speedup};
@@ -130,26 +130,16 @@ pub fn measure(
         timed_share: machine.tsc_hz.map(|hz| (clock.total - ticks) as f64 / hz / seconds),
         taken_share: (cpu > 0.0).then(|| (1.0 - cpu / seconds).max(0.0)),
     };
-    let evidence = Evidence {
-        speedup: &measured,
-        sweeps: sweeps.as_deref(),
-        rungs: rungs.as_deref(),
-        jumps: jumps.as_ref(),
-        machine: &machine,
-    };
-    let (verdicts, disturbed) = (claims::judge(&evidence), claims::disturbed(&evidence));
-    let mut document = Experiment::new(measured, machine, conditions);
-    document.disturbed = disturbed;
-    document.verdicts = verdicts;
-    document.jumps = jumps;
-    document.sweeps = sweeps.unwrap_or_default();
-    if let Some(rungs) = rungs {
-        document.explanations = ladder::explain(&rungs);
-        if args.ladder {
-            document.against_compiler = ladder::against_compiler(&rungs);
-            document.ladder = rungs;
-            document.uncounted = ladder::uncounted();
-        }
+    let sweeps = sweeps.unwrap_or_default();
+    let mut document = Experiment { machine, conditions, table: measured, jumps, sweeps, ..Experiment::default() };
+    let rungs = rungs.unwrap_or_default();
+    document.verdicts = claims::judge(&document, &rungs);
+    document.disturbed = claims::disturbed(&document, &rungs);
+    document.explanations = ladder::explain(&rungs);
+    if args.ladder && !rungs.is_empty() {
+        document.against_compiler = ladder::against_compiler(&rungs);
+        document.ladder = rungs;
+        document.uncounted = ladder::uncounted();
     }
     Ok(document)
 }

@@ -409,7 +409,7 @@ mod tests {
             timed_share: Some(0.912),
             taken_share: Some(0.01),
         };
-        let mut document = Experiment::new(measured, machine, conditions);
+        let mut document = Experiment { table: measured, machine, conditions, ..Experiment::default() };
         let rung = |rung: &str, over: Option<&str>, cycles: f64, gain: f64| Rung {
             rung: rung.into(),
             change: "a change".into(),
