@@ -364,8 +364,8 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
 /// The operation `op` of an implementation, ready to be called; else why there is none, or none that runs here.
 fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
     match implementation {
-        "rust" => Ok(kept::rust::subject(op)),
-        "glam" => Ok(kept::glam::subject(op)),
+        "rust" => Ok(kept::rust(op)),
+        "glam" => Ok(kept::glam(op)),
         "paper" => subjects::assembly(op, kernels::paper().ok_or("this CPU lacks SSE4.1")?),
         "aos" => subjects::assembly(op, kernels::aos().ok_or("this CPU lacks SSE4.1")?),
         _ => match implementation.strip_prefix("c-") {
