@@ -239,8 +239,8 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     };
     let told = ray.lane.zip(own).map_or(pixel.0, |(lane, own)| pixel.0 + lane as u32 - own as u32);
     let by_number: HashMap<u64, usize> = seen.steps.iter().enumerate().map(|(at, (s, _))| (s.number, at)).collect();
-    let items = run.items(&calls, &by_number, &slice);
-    let mut watched = seen.tell(unit, &items, &slice, lane);
+    let told_calls = run.items(&calls, &by_number, &slice);
+    let mut watched = seen.tell(unit, &told_calls, &slice, lane);
     let found = tracer.hits(row).swap_remove(told as usize);
     let direction = DVec3::from(scene.camera.grid::<f64>().ray(pixel.1, told));
     let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
@@ -264,12 +264,10 @@ pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>
     let all = 0..u64::MAX;
     let recording = step::record(&watched, from_ref(&all), operation::MOST, || result = operation.call())?;
     let seen = Candidate::of(recording.steps());
-    let visits: Vec<_> = seen.steps.iter().map(|(s, _)| Visit { rip: s.before.rip, address: 0, bytes: 0 }).collect();
-    let mut items = vec![Item::Kernel];
-    items.extend((0..visits.len()).map(Item::Step));
+    let call = (0..seen.steps.len()).map(Item::Step).collect();
     let nothing = vec![slice::Part::default(); seen.steps.len()];
     let lanes = lanes(engine, None);
-    let mut watched = seen.tell(unit, &items, &nothing, (lanes > 1).then_some(0));
+    let mut watched = seen.tell(unit, &[call], &nothing, (lanes > 1).then_some(0));
     watched.engine = engine.name();
     watched.precision = Precision::Single.name();
     watched.lanes = lanes;
@@ -298,18 +296,14 @@ struct Run<'a> {
     pixel: Range<u64>,
 }
 
-/// What is told of, in the order of execution.
+/// What is told of a kernel's call, in the order of execution.
 enum Item {
-    Kernel,
     /// An instruction, by its place among those recorded.
     Step(usize),
     /// The same, which the row needs once, and not for each pixel.
     Once(usize),
     /// Rounds of a loop, or a kernel's call, that are for other pixels.
-    Others {
-        rounds: usize,
-        instructions: usize,
-    },
+    Others { rounds: usize, instructions: usize },
 }
 
 impl Run<'_> {
@@ -352,28 +346,32 @@ impl Run<'_> {
         wanted
     }
 
-    /// What is told of: of kernels that have to do with the pixel, the rounds that do.
-    fn items(&self, calls: &[Vec<Part>], by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> Vec<Item> {
-        let mut items = Vec::new();
+    /// What is told of each call: of kernels that have to do with the pixel, the rounds that do. Others are told of with the call
+    /// before them.
+    fn items(&self, calls: &[Vec<Part>], by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> Vec<Vec<Item>> {
+        let mut told: Vec<Vec<Item>> = Vec::new();
         for call in calls {
             let range = range_of(call);
-            if self.has_to_do(&range, by_number, slice) {
-                items.push(Item::Kernel);
-                let first = items.len();
-                self.add(call, by_number, slice, false, &mut items);
-                // Where a kernel makes pixels in the rounds of a loop, the rest is the row's.
-                if !items[first..].iter().any(|item| matches!(item, Item::Step(_))) {
-                    for item in &mut items[first..] {
-                        if let Item::Once(at) = *item {
-                            *item = Item::Step(at);
-                        }
+            if !self.has_to_do(&range, by_number, slice) {
+                if told.is_empty() {
+                    told.push(Vec::new());
+                }
+                others(told.last_mut().expect("there is one"), range.len());
+                continue;
+            }
+            let mut items = Vec::new();
+            self.add(call, by_number, slice, false, &mut items);
+            // Where a kernel makes pixels in the rounds of a loop, the rest is the row's.
+            if !items.iter().any(|item| matches!(item, Item::Step(_))) {
+                for item in &mut items {
+                    if let Item::Once(at) = *item {
+                        *item = Item::Step(at);
                     }
                 }
-            } else {
-                others(&mut items, range.len());
             }
+            told.push(items);
         }
-        items
+        told
     }
 
     fn has_to_do(&self, range: &Range<usize>, by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> bool {
@@ -435,12 +433,12 @@ impl<'a> Candidate<'a> {
     }
 
     /// What there is to be told of some of them; what was watched is for the caller to add.
-    fn tell(&self, unit: &'static Unit, items: &[Item], slice: &[slice::Part], lane: Option<usize>) -> Watched {
+    fn tell(&self, unit: &'static Unit, calls: &[Vec<Item>], slice: &[slice::Part], lane: Option<usize>) -> Watched {
         let mut describer = Describer::new(unit, lane);
         let mut lines = Vec::new();
         let mut line_of = HashMap::new();
         let mut kinds = Vec::new();
-        for item in items {
+        for item in calls.iter().flatten() {
             let &(Item::Step(at) | Item::Once(at)) = item else { continue };
             let (step, error) = &self.steps[at];
             let (line, instruction) = describer.line(step, error, &slice[at]);
@@ -448,7 +446,7 @@ impl<'a> Candidate<'a> {
             line_of.insert(at, lines.len());
             lines.push(line);
         }
-        let tree = tree::grow(unit, items, &self.steps, &line_of, lane);
+        let tree = tree::grow(unit, calls, &self.steps, &line_of, lane);
         let mut dearest: Vec<_> = (0..lines.len()).filter(|&at| lines[at].cost() > 0.0).collect();
         dearest.sort_by(|&a, &b| lines[b].cost().total_cmp(&lines[a].cost()));
         dearest.truncate(DEAREST);

@@ -57,9 +57,8 @@ pub struct ElementError {
     pub exact: Option<Exact>,
     /// The number less its exact value: what was inherited and what was added.
     pub error: f64,
-    /// The part that the errors of the operands brought: the operation, without rounding, on them less that on exact ones.
-    pub inherited: f64,
-    /// The part that this instruction added by rounding its result.
+    /// The part that this instruction added by rounding its result. The rest the errors of the operands brought: the
+    /// operation, without rounding, on them less that on exact ones.
     pub added: f64,
     /// Of sums: how many leading bits of the larger of what was added were lost, all of them where 0 is left.
     pub cancelled: Option<u32>,
@@ -101,7 +100,7 @@ impl Made {
         let found = format.value(bits);
         let error = exact::difference(format, found, &exact);
         let added = of_rounded.map_or(error, |of_rounded| exact::in_units(format, found, &exact, &of_rounded));
-        self.number(at, format, bits, Some(exact), [error - added, added], cancelled);
+        self.number(at, format, bits, Some(exact), [error, added], cancelled);
     }
 
     fn number(
@@ -110,14 +109,13 @@ impl Made {
         format: Number,
         bits: u64,
         exact: Option<Exact>,
-        [inherited, added]: [f64; 2],
+        [error, added]: [f64; 2],
         cancelled: Option<u32>,
     ) {
-        let error = inherited + added;
         if let (Some(exact), true) = (&exact, error != 0.0) {
             self.values.push((at, Value { format, bits, exact: exact.clone() }));
         }
-        self.errors.push(ElementError { at, exact, error, inherited, added, cancelled });
+        self.errors.push(ElementError { at, exact, error, added, cancelled });
     }
 }
 
@@ -210,7 +208,7 @@ impl Shadow {
                     self.restart(step, operation, made);
                     let found = to.value(model::result(step, operation));
                     let exact = self.shadow(operation.from[0], of, model::before(step, operation.from[0]));
-                    exact.is_some_and(|exact| !exact::is_whole(exact, found, model::Rounding::Zero))
+                    exact.is_some_and(|exact| !exact::is_whole(exact, found, None))
                 }
                 What::Compare(format, predicate) => self.compares_otherwise(step, operation, format, predicate),
                 What::Logic(table) => {
@@ -265,7 +263,7 @@ impl Shadow {
         if let Float::Round(rounding) = float {
             made.moved(to, format, result, None);
             made.restarted.extend(shadows[0].is_some().then_some(to));
-            return shadows[0].as_ref().is_some_and(|x| !exact::is_whole(x, format.value(result), rounding));
+            return shadows[0].as_ref().is_some_and(|x| !exact::is_whole(x, format.value(result), Some(rounding)));
         }
         let of_rounded = exact::float(float, &rounded).expect("the CPU has a finite result too");
         let made_of_exact = if shadows.iter().all(Option::is_none) {

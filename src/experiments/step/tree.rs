@@ -64,77 +64,26 @@ pub struct Argument {
 /// In place of a call of a macro, what is needed once.
 const ONCE: usize = usize::MAX;
 
-/// A leaf, with the macros that it stands in, and the place of its step.
+/// A leaf, with the macros that it stands in.
 struct Leaf {
     node: Node,
     calls: Vec<usize>,
+    /// The place of its step.
     step: Option<usize>,
+    /// Whether a row needs it once.
+    once: bool,
 }
 
-/// The tree of `items`; `line_of` are the places of steps among the lines.
+/// The tree of what is told of each call of a kernel; `line_of` are the places of steps among the lines.
 pub fn grow(
     unit: &'static Unit,
-    items: &[Item],
+    calls: &[Vec<Item>],
     steps: &[(Step<'_>, StepError)],
     line_of: &HashMap<usize, usize>,
     lane: Option<usize>,
 ) -> Vec<Node> {
     let grower = Grower { unit, steps, lane };
-    let mut tree = Vec::new();
-    let mut rest = items;
-    while let [first, others @ ..] = rest {
-        let Item::Kernel = first else {
-            if let Item::Others { rounds, instructions } = *first {
-                tree.push(Node::Others { rounds, instructions });
-            }
-            rest = others;
-            continue;
-        };
-        let end = others.iter().position(|item| matches!(item, Item::Kernel)).unwrap_or(others.len());
-        let mut leaves: Vec<Leaf> = Vec::new();
-        let mut once = Vec::new();
-        let mut symbol = "";
-        for item in &others[..end] {
-            // What has no line fills up to an alignment, and others are no line: both stand where what was before them stood.
-            let before = || leaves.last().map_or(Vec::new(), |leaf: &Leaf| leaf.calls.clone());
-            once.push(match item {
-                Item::Once(_) => true,
-                Item::Others { .. } => once.last() == Some(&true),
-                _ => false,
-            });
-            leaves.push(match *item {
-                Item::Step(at) | Item::Once(at) => {
-                    let rip = steps[at].0.before.rip;
-                    symbol = unit.function(rip as usize).map_or(symbol, |(name, _)| name);
-                    match unit.line(rip as usize) {
-                        Some(_) => {
-                            let calls = Origin::of(unit, rip).calls;
-                            Leaf { node: Node::Step(line_of[&at]), calls, step: Some(at) }
-                        }
-                        None => Leaf { node: Node::Padding(1), calls: before(), step: Some(at) },
-                    }
-                }
-                Item::Others { rounds, instructions } => {
-                    Leaf { node: Node::Others { rounds, instructions }, calls: before(), step: None }
-                }
-                Item::Kernel => unreachable!("the next kernel ends these"),
-            });
-        }
-        // What all of it stands in is the kernel itself.
-        let mut depth = leaves.first().map_or(0, |leaf| leaf.calls.len());
-        for leaf in &leaves {
-            let same = leaves[0].calls.iter().zip(&leaf.calls).take_while(|(a, b)| a == b).count();
-            depth = depth.min(same);
-        }
-        for (leaf, _) in leaves.iter_mut().zip(&once).filter(|(_, once)| **once) {
-            leaf.calls.insert(depth, ONCE);
-        }
-        let kernel = leaves.first().and_then(|leaf| leaf.calls.get(depth.checked_sub(1)?));
-        let says = kernel.map_or("", |&call| unit.macros[unit.calls[call].of].says);
-        tree.push(Node::Kernel { symbol: symbol.into(), says, children: grower.nodes(&leaves, depth) });
-        rest = &others[end..];
-    }
-    tree
+    calls.iter().map(|items| grower.kernel(items, line_of)).collect()
 }
 
 struct Grower<'a> {
@@ -144,6 +93,43 @@ struct Grower<'a> {
 }
 
 impl Grower<'_> {
+    fn kernel(&self, items: &[Item], line_of: &HashMap<usize, usize>) -> Node {
+        if let [Item::Others { rounds, instructions }] = *items {
+            return Node::Others { rounds, instructions };
+        }
+        let unit = self.unit;
+        let mut leaves: Vec<Leaf> = Vec::new();
+        let mut symbol = "";
+        for item in items {
+            // What has no line fills up to an alignment, and others are no line: both stand where what was before them stood.
+            let (calls, once) = leaves.last().map_or((Vec::new(), false), |leaf| (leaf.calls.clone(), leaf.once));
+            leaves.push(match *item {
+                Item::Step(at) | Item::Once(at) => {
+                    let (rip, once) = (self.steps[at].0.before.rip, matches!(item, Item::Once(_)));
+                    symbol = unit.function(rip as usize).map_or(symbol, |(name, _)| name);
+                    let (node, calls) = match unit.line(rip as usize) {
+                        Some(_) => (Node::Step(line_of[&at]), Origin::of(unit, rip).calls),
+                        None => (Node::Padding(1), calls),
+                    };
+                    Leaf { node, calls, step: Some(at), once }
+                }
+                Item::Others { rounds, instructions } => {
+                    Leaf { node: Node::Others { rounds, instructions }, calls, step: None, once }
+                }
+            });
+        }
+        // What all of it stands in is the kernel itself.
+        let mut depth = leaves.first().map_or(0, |leaf| leaf.calls.len());
+        for leaf in &leaves {
+            let same = leaves[0].calls.iter().zip(&leaf.calls).take_while(|(a, b)| a == b).count();
+            depth = depth.min(same);
+        }
+        leaves.iter_mut().filter(|leaf| leaf.once).for_each(|leaf| leaf.calls.insert(depth, ONCE));
+        let kernel = leaves.first().and_then(|leaf| leaf.calls.get(depth.checked_sub(1)?));
+        let says = kernel.map_or("", |&call| unit.macros[unit.calls[call].of].says);
+        Node::Kernel { symbol: symbol.into(), says, children: self.nodes(&leaves, depth) }
+    }
+
     fn nodes(&self, leaves: &[Leaf], depth: usize) -> Vec<Node> {
         let together = |a: &Leaf, b: &Leaf| a.calls.len() > depth && a.calls.get(depth) == b.calls.get(depth);
         let group = |group: &[Leaf]| match group {

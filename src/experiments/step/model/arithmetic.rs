@@ -40,10 +40,8 @@ impl Number {
 /// Which whole number: the low bits of the immediate operand of `roundpd` and `vrndscalepd`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rounding {
-    Nearest,
     Down,
     Up,
-    Zero,
 }
 
 /// How near an estimate is.
@@ -96,10 +94,8 @@ macro_rules! formats {
                 Float::Div => of(0) / of(1),
                 Float::Sqrt => of(0).sqrt(),
                 Float::Fma { product, addend } => signed(of(0), product).mul_add(of(1), signed(of(2), addend)),
-                Float::Round(Rounding::Nearest) => of(0).round_ties_even(),
                 Float::Round(Rounding::Down) => of(0).floor(),
                 Float::Round(Rounding::Up) => of(0).ceil(),
-                Float::Round(Rounding::Zero) => of(0).trunc(),
                 Float::ReciprocalRoot(Estimate::Coarse) if of(0).is_subnormal() => (0.0 as $float).copysign(of(0)).recip(),
                 Float::ReciprocalRoot(estimate) => {
                     let root = of(0).sqrt();

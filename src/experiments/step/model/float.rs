@@ -142,7 +142,7 @@ fn logic(i: &mut Instruction, name: &str) -> Option<Option<()>> {
         "pandn" => (AND_NOT, 4),
         "orps" | "por" | "pord" => (OR, 4),
         "orpd" => (OR, 8),
-        "xorps" | "pxor" => (XOR, 4),
+        "xorps" => (XOR, 4),
         "xorpd" => (XOR, 8),
         "pternlogd" => (0, 4),
         _ => return None,
@@ -207,14 +207,11 @@ fn convert(i: &mut Instruction, of: Number, to: Number) -> Option<()> {
     Some(())
 }
 
-/// Of an immediate operand that scales by nothing; bit 3 silences an exception, and bit 2, for the rounding in MXCSR, is
-/// that to nearest.
+/// Of an immediate operand that scales by nothing; bit 3 silences an exception.
 fn rounding(immediate: u64) -> Option<Rounding> {
     match immediate & !8 {
-        0 | 4 => Some(Rounding::Nearest),
         1 => Some(Rounding::Down),
         2 => Some(Rounding::Up),
-        3 => Some(Rounding::Zero),
         _ => None,
     }
 }

@@ -11,15 +11,6 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "pcmpeqd" => binary(i, |a, b| if a == b { u32::MAX } else { 0 }),
         "pcmpd" => compare(i, |bits| i64::from(bits as i32)),
         "pcmpud" => compare(i, |bits| bits as i64),
-        "ptestmd" => {
-            let (a, b) = (i.first()?, i.last()?);
-            i.each_bit(a.bytes / 4, |i, lane| {
-                let operands = [a.element(lane, 4), b.element(lane, 4)];
-                Value::computed((i.read(operands[0]) & i.read(operands[1]) != 0).into(), operands)
-            })
-        }
-        "pmaxsd" => choose(i, |a, b| a as i32 >= b as i32),
-        "pminsd" => choose(i, |a, b| a as i32 <= b as i32),
         "pmaxud" => choose(i, |a, b| a >= b),
         "pminud" => choose(i, |a, b| a <= b),
         "pslld" => shift(i, 4, u64::checked_shl),

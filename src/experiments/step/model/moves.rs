@@ -31,7 +31,6 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "unpckhps" => interleave(i, 4, 1),
         "unpcklpd" => interleave(i, 8, 0),
         "unpckhpd" => interleave(i, 8, 1),
-        "shuff32x4" => shuffle_parts(i),
         "perm2f128" => permute_parts(i),
         "permd" | "permps" => permute(i),
         "permi2ps" => permute_two(i, 0, [1, 2]),
@@ -123,18 +122,6 @@ fn interleave(i: &mut Instruction, bytes: u32, half: u32) -> Option<()> {
         let (base, index) = (lane / lanes * lanes, lane % lanes);
         let from = if index % 2 == 0 { a } else { b };
         Value::copy(from.element(base + half * lanes / 2 + index / 2, bytes))
-    })
-}
-
-/// Whole parts: the lower half of the first operand's, the upper half of the last's.
-fn shuffle_parts(i: &mut Instruction) -> Option<()> {
-    let (a, b, immediate) = (i.first()?, i.last()?, i.immediate()? as u32);
-    let parts = i.operand(0)?.bytes / PART;
-    let bits = parts.ilog2();
-    i.each(4, |_, lane| {
-        let part = lane / 4;
-        let from = if part < parts / 2 { a } else { b };
-        Value::copy(from.element(4 * (immediate >> (bits * part) & (parts - 1)) + lane % 4, 4))
     })
 }
 

@@ -40,18 +40,18 @@ pub fn float(float: Float, from: &[Exact]) -> Option<Exact> {
     })
 }
 
-/// Whether the whole number `found` is that of the exact value.
-pub fn is_whole(exact: &Exact, found: f64, rounding: Rounding) -> bool {
+/// Whether the whole number `found` is that of the exact value: without a rounding the one towards 0.
+pub fn is_whole(exact: &Exact, found: f64, rounding: Option<Rounding>) -> bool {
     let above = exact - &Exact::new(found);
-    let (zero, half, one) = (Exact::new(0.0), Exact::new(0.5), Exact::new(1.0));
-    let within = |low: &Exact, high: &Exact| *low <= above && above < *high;
+    let (zero, one) = (Exact::new(0.0), Exact::new(1.0));
+    let of_below = zero <= above && above < one;
+    let of_above = -&one < above && above <= zero;
     match rounding {
-        Rounding::Nearest => above.abs() <= half,
-        Rounding::Down => within(&zero, &one),
-        Rounding::Up => -&one < above && above <= zero,
-        Rounding::Zero if found > 0.0 => within(&zero, &one),
-        Rounding::Zero if found < 0.0 => -&one < above && above <= zero,
-        Rounding::Zero => above.abs() < one,
+        Some(Rounding::Down) => of_below,
+        Some(Rounding::Up) => of_above,
+        None if found > 0.0 => of_below,
+        None if found < 0.0 => of_above,
+        None => of_below || of_above,
     }
 }
 
