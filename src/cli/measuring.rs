@@ -13,7 +13,6 @@ use super::{Failure, convert, end_at_once, json, listen_once, say};
 #[cfg(feature = "cli")]
 use crate::experiments::lab::LabError;
 use crate::kernels::sys;
-use crate::plan::on_all_cores;
 use crate::scene::shown;
 
 /// Writes a file that appears whole or not at all.
@@ -43,12 +42,6 @@ pub fn cores() -> Result<sys::Cores, Failure> {
 pub fn pin() -> Option<usize> {
     let refused = |error: &std::io::Error| say(&format!("warning: the thread is not pinned to a core: {error}"));
     sys::pin_to_this_core().inspect_err(refused).ok()
-}
-
-/// The same for measurements for which all threads compute the truth: they are started first, or they would share the core.
-pub fn start_threads_and_pin() {
-    on_all_cores(0, drop);
-    pin();
 }
 
 pub fn no_clock() -> Failure {

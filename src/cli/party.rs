@@ -15,12 +15,13 @@ use indicatif::ProgressDrawTarget;
 #[cfg(feature = "mpi")]
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::measuring::{start_threads_and_pin, stop_on_signals};
+use super::measuring::{pin, stop_on_signals};
 use super::{Failure, remove_part_files_on_signals};
 #[cfg(feature = "mpi")]
 use super::{say, silence};
 #[cfg(feature = "mpi")]
 use crate::measure::cpu_name;
+use crate::plan::on_all_cores;
 #[cfg(feature = "mpi")]
 use crate::ranks::{Pace, Ranks};
 use crate::render::{Engine, Format, Frame, ImageWriter, Stats, render};
@@ -70,10 +71,12 @@ impl Party {
         }
     }
 
-    /// Keeps this thread on its core, so that times are of one; where MPI has started this, it has its place from there.
+    /// Keeps this thread on its core, so that times are of one; where MPI has started this, it has its place from there. All threads
+    /// compute the truth: they are started first, or they would share the core.
     pub fn start_threads_and_pin(&self) {
         if self.is_alone() {
-            start_threads_and_pin();
+            on_all_cores(0, drop);
+            pin();
         }
     }
 }

@@ -513,17 +513,15 @@ pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
         let by_hand = if there(narrower) { narrower } else { WIDEST_BY_HAND };
         CLOSED.map(|(way, ..)| (by_hand, format!("{way}, {name}")))
     };
-    let closed = LEVELS.into_iter().flat_map(compiled).filter_map(|(engine, compiled)| {
+    let turned = TURNED.into_iter().filter_map(|(engine, narrower, variant)| {
+        let widest = || ladder::C.iter().any(|rung| rung.name == variant && rung.usable()).then_some(WIDEST);
+        Some((engine, if there(narrower) { narrower } else { widest()? }.to_owned()))
+    });
+    let against = |(engine, compiled): (&'static str, String)| {
         let Estimate { value: ratio, low, high } = ratio(rungs, &compiled, engine)?;
         Some(AgainstCompiler { engine: engine.into(), compiled: compiled.into(), ratio, low, high })
-    });
-    let against = |(engine, narrower, variant): (&'static str, &'static str, &str)| {
-        let widest = || ladder::C.iter().any(|rung| rung.name == variant && rung.usable()).then_some(WIDEST);
-        let compiled = if there(narrower) { narrower } else { widest()? };
-        let Estimate { value: ratio, low, high } = ratio(rungs, compiled, engine)?;
-        Some(AgainstCompiler { engine: engine.into(), compiled: compiled.into(), ratio, low, high })
     };
-    TURNED.into_iter().filter_map(against).chain(closed).collect()
+    turned.chain(LEVELS.into_iter().flat_map(compiled)).filter_map(against).collect()
 }
 
 /// Factors taken apart: the two that the paper's explanations are about, from the C that calls its functions and from the engine

@@ -218,11 +218,14 @@ pub(super) struct Entry {
 }
 
 /// Every engine with floats, and with bytes where it is one that computes packets: `reference` writes bytes too, but by
-/// way of the same floats.
+/// way of the same floats. The control is there once more, right after itself.
 pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, EngineError> {
     let mut entries = Vec::new();
     for engine in engines {
         entries.push(Entry { engine: *engine, output: PixelFormat::F32x4 });
+        if engine.name() == CONTROL {
+            entries.push(entries[entries.len() - 1]);
+        }
         let tracer = engine.prepare(None, scene)?;
         if engine.name() != "reference" && tracer.writes(PixelFormat::Rgba8) {
             entries.push(Entry { engine: *engine, output: PixelFormat::Rgba8 });
@@ -231,8 +234,7 @@ pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, E
     Ok(entries)
 }
 
-/// A run: at each size that was finished, in the order of [`Settings::sizes`], the turn of every entry and, last, that of
-/// the control's second entry.
+/// A run: at each size that was finished, in the order of [`Settings::sizes`], the turn of every entry.
 pub type Run = Vec<Vec<Turn>>;
 
 /// Whether every engine's picture is that of the reference.
@@ -257,23 +259,13 @@ pub fn measure_run(
 ) -> Result<(), LabError> {
     let scene = scene();
     let entries = entries(&settings.engines, &scene)?;
-    // The control's second entry comes right after its first.
-    let first = entries.iter().position(|entry| entry.engine.name() == CONTROL).expect("the control is entered");
-    let mut order: Vec<usize> = (0..entries.len()).collect();
-    order.insert(first + 1, first);
     let mut bench = Bench::default();
     for size in &settings.sizes {
         let scene = in_size(&scene, PAPER[*size].width, PAPER[*size].height);
-        let case = |index: &usize| {
-            let Entry { engine, output } = entries[*index];
-            Case::of(Timed::Tracing, &scene, engine, Purpose::default(), output)
-        };
-        let cases = order.iter().map(case).collect::<Result<Vec<_>, _>>()?;
+        let case = |entry: &Entry| Case::of(Timed::Tracing, &scene, entry.engine, Purpose::default(), entry.output);
+        let cases = entries.iter().map(case).collect::<Result<Vec<_>, _>>()?;
         let runs = bench.time(clock, &cases, number..number + 1, &mut || true)?.expect("nobody stops it");
-        let mut turns: Vec<Turn> = runs.iter().flat_map(Turn::each).collect();
-        let again = turns.remove(first + 1);
-        turns.push(again);
-        if !finished(turns) {
+        if !finished(runs.iter().flat_map(Turn::each).collect()) {
             break;
         }
     }
@@ -319,7 +311,7 @@ impl Speedup {
     pub fn of(settings: &Settings, runs: &[Run]) -> Result<Self, LabError> {
         let entries = entries(&settings.engines, &scene())?;
         let place = |name| entries.iter().position(|entry| entry.engine.name() == name).expect("it is always entered");
-        let (baseline, control, again) = (place(BASELINE), place(CONTROL), entries.len());
+        let (baseline, control) = (place(BASELINE), place(CONTROL));
         let most = runs.iter().map(Vec::len).max().filter(|most| *most > 0).ok_or(LabError::Nothing)?;
         let runs: Vec<&Run> = runs.iter().filter(|run| run.len() == most).collect();
         let (mut rows, mut control_rows) = (Vec::new(), Vec::new());
@@ -333,7 +325,7 @@ impl Speedup {
                 taken: runs.iter().map(|run| run[index][entry].taken).collect(),
             };
             let of_baseline = of_entry(baseline);
-            for (place, entry) in entries.iter().enumerate() {
+            for (place, entry) in entries.iter().enumerate().filter(|(place, _)| *place != control + 1) {
                 let of_entry = of_entry(place);
                 let pairs = Pairs::of(&of_baseline, &of_entry);
                 let ratio = pairs.estimate(1);
@@ -358,7 +350,7 @@ impl Speedup {
                     samples: of_entry.ticks,
                 });
             }
-            let (control, again) = (of_entry(control), of_entry(again));
+            let (control, again) = (of_entry(control), of_entry(control + 1));
             let pairs = Pairs::of(&control, &again);
             let Estimate { value: ratio, low, high } = pairs.estimate(1);
             control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks });

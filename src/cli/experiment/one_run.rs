@@ -24,17 +24,6 @@ pub(super) enum Message {
     Rungs(Rounds),
 }
 
-/// A run, and what it is to measure.
-pub(super) struct Which<'a> {
-    pub args: &'a ExperimentArgs,
-    pub settings: &'a Settings,
-    /// The core that it is to run on.
-    pub core: Option<usize>,
-    pub number: usize,
-    /// Its rounds of the ladder.
-    pub rounds: Range<usize>,
-}
-
 /// What the process does: prints each [`Message`] as soon as it is measured.
 pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, Failure> {
     let settings = args.settings()?;
@@ -61,15 +50,17 @@ pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Starts the process and waits for it. `hear` gets each message; where it says no, the process is ended.
+/// Starts the process of a run with its rounds of the ladder, which stays on `core`, and waits for it. `hear` gets each message;
+/// where it says no, the process is ended.
 pub(super) fn in_own_process(
-    which: &Which<'_>,
-    cores: &sys::Cores,
+    args: &ExperimentArgs,
+    settings: &Settings,
+    (number, rounds): (usize, Range<usize>),
+    (core, cores): (Option<usize>, &sys::Cores),
     hear: &mut dyn FnMut(Message) -> bool,
 ) -> Result<(), Failure> {
-    let failed =
-        |error: &dyn std::fmt::Display| Failure::output(format!("run {} in its own process: {error}", which.number));
-    let started = ladder::on_all(cores, || start(which)).map_err(failure)?;
+    let failed = |error: &dyn std::fmt::Display| Failure::output(format!("run {number} in its own process: {error}"));
+    let started = ladder::on_all(cores, || start(args, settings, number, rounds, core)).map_err(failure)?;
     let mut process = started.map_err(|error| failed(&format!("cannot start: {error}; raise ulimit -u or -n")))?;
     for line in (&mut process.messages).lines() {
         let message = serde_json::from_str(&line.map_err(|error| failed(&error))?).map_err(|error| failed(&error))?;
@@ -81,8 +72,13 @@ pub(super) fn in_own_process(
     if status.success() { Ok(()) } else { Err(failed(&format!("it ended early, {status}"))) }
 }
 
-fn start(which: &Which<'_>) -> io::Result<Process> {
-    let Which { args, settings, core, number, rounds } = which;
+fn start(
+    args: &ExperimentArgs,
+    settings: &Settings,
+    number: usize,
+    rounds: Range<usize>,
+    core: Option<usize>,
+) -> io::Result<Process> {
     let engines: Vec<_> = settings.engines.iter().map(|engine| engine.name()).collect();
     let mut command = Command::new(std::env::current_exe()?);
     command.args(["experiment", "--one-run", &number.to_string(), "--engines", &engines.join(",")]);

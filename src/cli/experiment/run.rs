@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use super::one_run::{self, Message, Which};
+use super::one_run::{self, Message};
 use super::{ExperimentArgs, table};
 use crate::cli::measuring::{bar, cores, create_directory, failure, no_clock, pin, write_file, write_results};
 use crate::cli::party::Party;
@@ -168,9 +168,9 @@ fn runs(
         if !go_on {
             break;
         }
-        let which = Which { args, settings, core, number, rounds: number * rounds..(number + 1) * rounds };
+        let of_ladder = number * rounds..(number + 1) * rounds;
         let mut sizes = speedup::Run::new();
-        one_run::in_own_process(&which, cores, &mut |message| {
+        one_run::in_own_process(args, settings, (number, of_ladder), (core, cores), &mut |message| {
             let work = match message {
                 Message::Size(turns) => {
                     measured.ticks += turns.iter().map(|turn| turn.ticks).sum::<u64>();

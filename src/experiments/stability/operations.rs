@@ -246,11 +246,10 @@ const PICTURES: [&str; 10] = ["S2", "S4", "S5", "S6", "S8", "T1", "T2", "T3", "T
 
 /// Sweeps the operations over those of `families` that are of single objects, and for cracks over T6.
 pub fn sweep(families: &[&Family], seed: u64, quick: bool) -> Vec<OperationRow> {
-    families.iter().flat_map(|family| of_family(family, seed, quick)).collect()
-}
-
-fn of_family(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
-    [of_precision::<f32>(family, seed, quick), of_precision::<f64>(family, seed, quick)].concat()
+    let both = |family: &&Family| {
+        [of_precision::<f32>(family, seed, quick), of_precision::<f64>(family, seed, quick)].concat()
+    };
+    families.iter().flat_map(both).collect()
 }
 
 fn of_precision<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {

@@ -16,31 +16,27 @@ use crate::experiments::svg::PlotError;
 pub fn verdicts(results: &Results) -> Section {
     let content = match &results.experiment {
         None => absent(results, Stage::Experiment),
-        Some(document) => html! { (partly(results, Stage::Experiment)) (cards(&document.verdicts)) },
+        Some(document) => html! {
+            (partly(results, Stage::Experiment))
+            div.cards { @for claim in &document.verdicts { (card(claim)) } }
+        },
     };
     Section { title: "The paper's claims", id: "claims", content }
 }
 
-pub fn cards(claims: &[Claim]) -> Markup {
-    html! {
-        div.cards {
-            @for Claim { claim, verdict, figure } in claims {
-                article.(class(*verdict)) {
-                    p.verdict { (verdict) }
-                    h3 { (claim) }
-                    p { (words(figure)) }
-                    @if let Some(sentence) = sentence(claim) { p.teacher { (sentence) } }
-                }
-            }
-        }
-    }
-}
-
-pub fn class(verdict: Verdict) -> &'static str {
-    match verdict {
+fn card(Claim { claim, verdict, figure }: &Claim) -> Markup {
+    let class = match verdict {
         Verdict::Reproduced => "yes",
         Verdict::NotReproduced => "no",
         Verdict::NotTestable => "unknown",
+    };
+    html! {
+        article.(class) {
+            p.verdict { (verdict) }
+            h3 { (claim) }
+            p { (words(figure)) }
+            @if let Some(sentence) = sentence(claim) { p.teacher { (sentence) } }
+        }
     }
 }
 

@@ -43,25 +43,19 @@ pub fn gallery(results: &Results) -> Result<Section, PlotError> {
     })
 }
 
-/// A picture of a set to flip through.
-struct Side<'a> {
-    name: String,
-    image: &'a str,
-}
-
-/// Each different picture once, then what each has that the reference's has not.
-fn sides(shown: &Shown) -> Vec<Side<'_>> {
+/// A set to flip through, of names and pictures: each different one once, then what each has that the reference's has not.
+fn sides(shown: &Shown) -> Vec<(String, &str)> {
     let names = |of: &Shot| {
         let like =
             shown.pictures.iter().filter(|other| other.like.as_ref() == Some(&of.engine)).map(|other| &*other.engine);
         [&*of.engine].into_iter().chain(like).collect::<Vec<_>>().join(", ")
     };
-    let own = shown.pictures.iter().filter_map(|shot| Some(Side { name: names(shot), image: shot.png.as_deref()? }));
+    let own = shown.pictures.iter().filter_map(|shot| Some((names(shot), shot.png.as_deref()?)));
     let differences = shown.pictures.iter().filter_map(|shot| {
         let pixels = if shot.differing == 1 { "pixel differs" } else { "pixels differ" };
         let levels = if shot.largest <= 1.0 { "a level".to_owned() } else { format!("up to {} levels", shot.largest) };
         let name = format!("{} - reference: {} {pixels}, by {levels}", names(shot), shot.differing);
-        Some(Side { name, image: shot.difference.as_deref()? })
+        Some((name, shot.difference.as_deref()?))
     });
     own.chain(differences).collect()
 }
@@ -77,11 +71,11 @@ fn flip(shown: &Shown, number: usize) -> Markup {
                 input type="radio" name={ "picture-" (number) } id=(id(place)) checked[place == 0];
             }
             div.stage {
-                @for Side { name, image } in &sides {
+                @for (name, image) in &sides {
                     img width=(width) height=(height) loading="lazy" alt={ (scene) " by " (name) } src={ "data:image/png;base64," (image) };
                 }
             }
-            div.sides { @for (place, side) in sides.iter().enumerate() { label for=(id(place)) { (side.name) } } }
+            div.sides { @for (place, (name, _)) in sides.iter().enumerate() { label for=(id(place)) { (name) } } }
         }
     }
 }
