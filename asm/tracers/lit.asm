@@ -1,10 +1,10 @@
 ; lit.asm - whole rows of a picture in which one light shines on one sphere: black, the sphere's span, and black again.
 ;
-; The rows come from kernels::portable::rows. A span is shaded in packets that are aligned in memory, so its first and
-; its last packet hold black pixels too: these edge packets are masked, those between are not. Shading is bound by
-; arithmetic and black pixels by stores, so in floats the two are interleaved: while a span is shaded, the black
-; pixels between it and the next row's span are stored. In bytes this does not pay: cache misses cost less in one
-; sequential stream than in two.
+; The rows come from lit_rows.asm. A span is shaded in packets that are aligned in memory, so its first and its last
+; packet hold black pixels too: these edge packets are masked, those between are not. Shading is bound by arithmetic and
+; black pixels by stores, so in floats the two are interleaved: while a span is shaded, the black pixels between it and
+; the next row's span are stored. In bytes this does not pay: cache misses cost less in one sequential stream than in
+; two.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;

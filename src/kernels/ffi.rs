@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::isa::Isa;
 use super::kernel::kernel;
-use super::packet::{F32x3, Narrow, Rgb8, Rgba8, ShadeRows};
+use super::packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
 use super::records::{
     Element, ObjectLight, Sphere, SphereCaster, SphereHit, SpherePlanes, Triangle, TriangleCaster, TriangleHit,
@@ -116,7 +116,9 @@ tables! { $
 
     /// All packet kernels of an ISA for one element type.
     struct ElementKernels<E: Element> [lanes] {
-        /// Shades rows of a sphere seen from outside under one light.
+        /// The rows of a sphere seen from outside under one light, for the short form.
+        lit_rows: RowSetup<E> = "lit_rows";
+        /// Shades such rows.
         lit: LitBodies<E> = "lit" LitBodies;
         /// The same if the three weights are equal (in f64: as `lit`).
         grey: LitBodies<E> = "" grey;

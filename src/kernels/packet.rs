@@ -3,7 +3,7 @@
 use std::ptr;
 
 use super::kernel::{Way, function, kinds, reads, writes};
-use super::records::{Element, LIT_ROWS, LitRows, LitSphere};
+use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere};
 use super::types::bytes;
 
 /// Pixels of four bytes: red, green, blue, and 255.
@@ -16,6 +16,24 @@ pub type F32x3 = [f32; 3];
 // The references prove addresses and lengths; kernels read records and lights and write only what is passed as `&mut`,
 // for which any bits are values.
 kinds! {
+    /// Finds the rows of a sphere under one light.
+    RowSetup<E: Element> as fn(&LitSetup<f64>, u32, usize, &mut LitRows<E>);
+
+    /// Sets the first `count` of `rows`, which are the picture's rows from `first` on.
+    ///
+    /// # Panics
+    /// If there is no room for as many.
+    fn call(setup: &LitSetup<f64>, first: u32, count: usize, rows: &mut LitRows<E>); |way| {
+        assert!(count <= LIT_ROWS, "{count} rows do not fit");
+        if count > 0 {
+            // LIT_ROWS is a multiple of every packet's lanes, so that there is room for the last packet of rows.
+            match way {
+                Way::Code(enter) => _ = enter([reads(setup), first.into(), count as u64, writes(rows), 0, 0]),
+                Way::Rust(find) => find(setup, first, count, rows),
+            }
+        }
+    }
+
     /// Renders whole rows of a picture of one sphere under one light.
     ShadeRows<E: Element, P> as fn(&LitSphere<E>, &LitRows<E>, &mut [P], usize);
 

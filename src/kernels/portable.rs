@@ -12,10 +12,9 @@ mod shadows;
 mod spheres;
 
 use lanes::{Lanes, Number, Packet};
-pub use rows::{LitSetup, lit_rows};
 
 use super::ffi::{ElementKernels, LitBodies, PacketKernels, TileKernels};
-use super::packet::{F32x3, Narrow, Rgb8, Rgba8, ShadeRows};
+use super::packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::records::{
     Element as _, Sphere, SphereCaster, SpherePlanes, TileSphere, Triangle, TriangleCaster, TrianglePlanes,
 };
@@ -85,6 +84,7 @@ const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> 
     ElementKernels {
         lanes: L::COUNT,
         fused: L::FUSED,
+        lit_rows: RowSetup::<E>::in_rust(rows::lit_rows::<W, E>, "lit_rows"),
         lit: lit::<L, E, false>(),
         grey: lit::<L, E, true>(),
         tiles: TileKernels {

@@ -51,7 +51,7 @@ impl Scale {
 #[derive(Clone, Copy, Debug)]
 pub struct LitForm {
     /// The set-up of its rows, in each scale.
-    setups: [LitSetup; Scale::ALL.len()],
+    setups: [LitSetup<f64>; Scale::ALL.len()],
     /// The constants that its rows share, in each scale.
     spheres: [LitSphere<f64>; Scale::ALL.len()],
     /// Whether red, green and blue are equal.
@@ -146,7 +146,7 @@ impl LitForm {
     }
 
     /// The set-up of its rows.
-    pub fn setup(&self, scale: Scale) -> &LitSetup {
+    pub fn setup(&self, scale: Scale) -> &LitSetup<f64> {
         &self.setups[scale as usize]
     }
 

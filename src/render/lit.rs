@@ -7,8 +7,7 @@ use super::film::with_pixels;
 use super::tiles::{Interleaved, TileTracer};
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted, existing};
 use crate::kernels::{
-    Element, ElementKernels, F32x3, LIT_ROWS, LitBodies, LitRows, PacketKernels, Rgb8, Rgba8, ShadeRows, Vec4,
-    lit_rows, sys,
+    Element, ElementKernels, F32x3, LIT_ROWS, LitBodies, LitRows, PacketKernels, Rgb8, Rgba8, ShadeRows, Vec4, sys,
 };
 use crate::measure::caches;
 use crate::plan::{Keep, LitForm, Raster, Report, Scale};
@@ -67,11 +66,11 @@ impl<'a, E: Element> LitTracer<'a, E> {
 
     /// Calls `say` for some of `rows` at a time: with the first of them, their number, and their spans of the sphere.
     fn each_rows(&self, rows: Range<u32>, scale: Scale, mut say: impl FnMut(u32, usize, &LitRows<E>)) {
-        let mut found = LitRows::default();
+        let mut lit_rows = LitRows::default();
         for first in rows.clone().step_by(LIT_ROWS) {
             let count = ((rows.end - first) as usize).min(LIT_ROWS);
-            lit_rows(self.form.setup(scale), first, count, &mut found);
-            say(first, count, &found);
+            self.kernels.lit_rows.call(self.form.setup(scale), first, count, &mut lit_rows);
+            say(first, count, &lit_rows);
         }
     }
 

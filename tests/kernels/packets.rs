@@ -11,11 +11,12 @@ use std::fmt::Debug;
 use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
-    BoundsView, CHUNK, Candidate, Element, ElementKernels, LitGroups, LitPoints, LitRow, LitRows, LitSphere, Narrow,
-    ObjectList, PacketKernels, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk, SphereRecords, TileBuffers,
-    TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, TriangleList, Vec4, own_bits, packet_symbols,
+    BoundsView, CHUNK, Candidate, Element, ElementKernels, LIT_ROWS, LitGroups, LitPoints, LitRow, LitRows, LitSphere,
+    Narrow, ObjectList, PacketKernels, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk, SphereRecords,
+    TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, TriangleList, Vec4, own_bits,
+    packet_symbols,
 };
-use rayo::plan::{Casters, Keep, Raster, TilePlace, Tiles, Weighted};
+use rayo::plan::{Casters, Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
 use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
 
@@ -115,6 +116,7 @@ kernels! {
         lit_cases(), |table, case| lit!(table, case, rgba8, [7; 4]);
     lit_rgb8: single.lit.rgb8, single.grey.rgb8, double.lit.rgb8, double.grey.rgb8;
         lit_cases(), |table, case| lit!(table, case, rgb8, [7; 3]);
+    lit_rows: single.lit_rows, double.lit_rows; row_cases(), found_rows;
     narrow_rgb8: narrow_rgb8; Place::all(), |table, place| {
         narrowed(&table.narrow_rgb8, place, [7; 3], |i| [i, i + 1, i + 2, 255])
     };
@@ -539,6 +541,41 @@ fn lit_of<E: Element, P: Plain + Debug>(
         (is_sure && has_level && !(estimated && in_span)).then_some(*pixel)
     };
     add(made, "pixels", &film.iter().enumerate().map(shown).collect::<Vec<_>>());
+}
+
+/// Spheres seen in pictures of this size.
+fn row_cases() -> Vec<(u32, u32, Sphere)> {
+    // The middle row touches it.
+    let touched = Sphere { radius: 3.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 3.0, 10.0) };
+    let sizes = [(201, 151), (1, 67), (333, 5)];
+    sizes
+        .into_iter()
+        .flat_map(|(width, height)| {
+            many(60, 0, 7).spheres.into_iter().chain([touched]).map(move |s| (width, height, s))
+        })
+        .collect()
+}
+
+/// The rows of a sphere, some at a time.
+fn found_rows(table: &'static PacketKernels, &(width, height, sphere): &(u32, u32, Sphere)) -> Made {
+    fn found<E: Element + Debug>(made: &mut Made, kernels: &ElementKernels<E>, scene: &Scene) {
+        let Some(form) = LitForm::of::<E>(scene, Keep::NOTHING).map(Box::new) else { return };
+        let height = scene.camera.height();
+        for first in (0..height).step_by(LIT_ROWS - 1) {
+            let (count, mut rows) =
+                ((height - first).min(LIT_ROWS as u32 - 1) as usize, Box::new(LitRows::<E>::default()));
+            kernels.lit_rows.call(form.setup(Scale::Linear), first, count, &mut rows);
+            let row = |i: usize| Some(rows.row(i)).filter(|row| row.start < row.end);
+            (0..count).for_each(|i| add(made, "rows", &row(i)));
+        }
+    }
+    let many = many(0, 0, 7);
+    let camera = Camera::new(width, height, 1.0, 1.0).unwrap();
+    let scene = Scene { camera, spheres: vec![sphere], lights: many.lights[..1].to_vec(), ..many.clone() };
+    let mut made = Made::new();
+    found(&mut made, &table.single, &scene);
+    found(&mut made, &table.double, &scene);
+    made
 }
 
 /// Rust aligns four bytes to one.

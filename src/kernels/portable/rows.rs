@@ -1,10 +1,9 @@
-//! Whole rows of a picture of one sphere under one light: the twins of asm/tracers/lit.asm, and the spans for both.
+//! Whole rows of a picture of one sphere under one light: asm/tracers/lit_rows.asm and lit.asm.
 
 use super::super::packet::{F32x3, Rgb8, Rgba8};
-use super::super::records::{Element, LitRows, LitSphere, MOST_LANES};
+use super::super::records::{Element, LitRows, LitSetup, LitSphere, MOST_LANES};
 use super::super::types::Vec4;
-use super::LANES;
-use super::lanes::{Each, Lanes, Number, Packet};
+use super::lanes::{Each, Lanes, Number};
 
 pub trait Pixel: Copy {
     /// That of no light.
@@ -124,50 +123,13 @@ pub fn narrow_f32x3(four: &[Vec4], three: &mut [F32x3]) {
     four.iter().zip(three).for_each(|(four, three)| *three = [four.x, four.y, four.z]);
 }
 
-/// What rows are computed from: the film and the sphere, in units of its radius.
-#[derive(Clone, Copy, Debug)]
-pub struct LitSetup {
-    /// The side of a pixel.
-    pub step: f64,
-    pub half_width: f64,
-    pub half_height: f64,
-    /// 1 / step.
-    pub columns: f64,
-    /// Pixels in a row.
-    pub width: f64,
-    /// The centre.
-    pub cx: f64,
-    pub cy: f64,
-    pub cz: f64,
-    /// c.c - 1.
-    pub k: f64,
-    /// cy^2 + cz^2 - 1.
-    pub m: f64,
-    /// 1 - cx^2.
-    pub nx: f64,
-    /// f^2.
-    pub zz: f64,
-    /// cy f.
-    pub cyz: f64,
-    /// cz f.
-    pub czz: f64,
-    /// The factor of h.
-    pub h: f64,
-    /// The factor of d.v.
-    pub q: f64,
-    /// v, its z times f.
-    pub vx: f64,
-    pub vy: f64,
-    pub vzz: f64,
-}
-
-/// Sets the first `count` of `rows`, which are the picture's rows from `first` on: in each the span of columns that meet a sphere.
-///
-/// This runs once per row, not per pixel, and so in f64, by the equations of the silhouette. With d = (x, y, f) and the terms of
-/// eq. 5 in units of the radius, D(x) = (d.c)^2 - k d.d = -m x^2 + 2 b x + c0 is positive between its two roots. b^2 + m c0 =
-/// k (g - across^2) does not cancel for far spheres, nor does the root of the larger magnitude; the other one is c0 divided by it.
-pub fn lit_rows<E: Element>(setup: &LitSetup, first: u32, count: usize, rows: &mut LitRows<E>) {
-    type W = Packet<f64, { LANES / 2 }, false>;
+/// The rows from number `first` on.
+pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
+    setup: &LitSetup<f64>,
+    first: u32,
+    count: usize,
+    rows: &mut LitRows<E>,
+) {
     let (all, half) = (W::all, W::of(0.5));
     let LitSetup { step, half_width, half_height, columns, width, cx, cy, cz, .. } = *setup;
     for at in (0..count).step_by(W::COUNT) {

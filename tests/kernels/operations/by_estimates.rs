@@ -1,7 +1,7 @@
 //! The shade of the closed form by the worst estimates of roots that any CPU may give: the twin, fed with them.
 
 use rayo::experiments::accuracy::{ESTIMATES, expect};
-use rayo::kernels::{LitRow, LitRows, LitSphere, lit_rows};
+use rayo::kernels::{LitRow, LitRows, LitSphere};
 use rayo::plan::{Keep, LitForm, Scale};
 use rayo::render::{TruePixel, level};
 use rayo::scene::families::FAMILIES;
@@ -62,7 +62,7 @@ impl Found {
         let most = ESTIMATES * error / ERROR + ROUNDING;
         let mut rows = LitRows::default();
         for row in 0..scene.camera.height() {
-            lit_rows(form.setup(Scale::Levels), row, 1, &mut rows);
+            rayo::kernels::portable().single.lit_rows.call(form.setup(Scale::Levels), row, 1, &mut rows);
             let record = rows.row(0);
             for col in record.start as u32..record.end as u32 {
                 let TruePixel { hit, margin } = &expected[(row * scene.camera.width() + col) as usize];
