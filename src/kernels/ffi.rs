@@ -11,7 +11,7 @@ use super::records::{
     TrianglePlanes,
 };
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
-use super::tiles::{Around, Bounds, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
+use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
@@ -136,10 +136,10 @@ tables! { $
         narrow_rgb8: Narrow<Rgba8, Rgb8> = "narrow_rgb8";
         /// From four floats a pixel to three.
         narrow_f32x3: Narrow<Vec4, F32x3> = "narrow_f32x3";
-        /// The bounds of triangles in the picture.
         bounds: Bounds<Triangle> = "bounds";
-        /// Those of spheres.
         sphere_bounds: Bounds<Sphere> = "sphere_bounds";
+        /// Partitions the objects of a tile into nearer and farther ones.
+        nearer_half: NearerHalf = "nearer_half";
         /// How a light sees the points of a tile.
         seen: Seen = "seen";
         /// How it sees triangles.

@@ -62,7 +62,7 @@ pub use records::{
 pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
 pub use shadows::{Cast, CasterList, Casters, Extent, LitPoints, Meet, Points, Seen, own_bits, own_number};
 pub use tiles::{
-    Around, Bounded, Bounds, Extremes, Nearest, PixelBounds, SetUp, ShadeTile, ShadingRecords, SphereChunk,
+    Around, Bounded, Bounds, Extremes, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile, ShadingRecords, SphereChunk,
     SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow, TriangleChunk,
 };
 pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, bytes};

@@ -21,7 +21,7 @@ use super::records::{
 #[cfg(feature = "lab")]
 use super::records::{LitRows, LitSphere};
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
-use super::tiles::{Around, Bounds, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
+use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::Vec4;
 
 /// Whether the compiler may use an instruction that adds a product and rounds once.
@@ -53,6 +53,7 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
         narrow_f32x3: Narrow::<Vec4, F32x3>::in_rust(rows::narrow_f32x3, "narrow_f32x3"),
         bounds: Bounds::<Triangle>::in_rust(set_up::bounds::<Packet<f32, N, FUSED>>, "bounds"),
         sphere_bounds: Bounds::<Sphere>::in_rust(spheres::bounds::<Packet<f64, HALF, FUSED>>, "sphere_bounds"),
+        nearer_half: NearerHalf::in_rust(nearest::nearer_half, "nearer_half"),
         seen: Seen::in_rust(shadows::seen::<Packet<f64, HALF, FUSED>>, "seen"),
         cast: Cast::in_rust(shadows::cast::<Packet<f64, HALF, FUSED>>, "cast"),
         meet: Meet::in_rust(shadows::meet::<Packet<f32, N, FUSED>>, "meet"),

@@ -5,10 +5,10 @@ use std::ops::Range;
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::objects::{ObjectList, TriangleList};
 use super::records::{
-    AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, MOST_LANES, NearestTask, ObjectLight,
-    PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView, TILE_HEIGHT,
-    TILE_PIXELS, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, Triangle,
-    TriangleArrays, TrianglePlanes,
+    AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, MOST_LANES, NearestTask,
+    ObjectLight, PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
+    TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView,
+    Triangle, TriangleArrays, TrianglePlanes,
 };
 use super::types::Plain;
 
@@ -66,6 +66,27 @@ kinds! {
         let colours = objects.colours().flat_map(|colour| colour.to_array());
         extremes.brightest = colours.fold(extremes.brightest, above);
         Some((count, extremes))
+    }
+
+    /// Partitions the objects of a tile.
+    NearerHalf as fn(&[Candidate], &mut [Candidate], &mut [Candidate]) -> usize;
+
+    /// Copies those of `candidates` that are nearer than half way from the nearest to the farthest to the front of
+    /// `nearer`, and the others to that of `farther`, in order; returns how many are nearer. The memory after them is
+    /// overwritten. There must be room for all in both.
+    fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |way| {
+        assert!(nearer.len() >= candidates.len() && farther.len() >= candidates.len(), "either may get all");
+        if candidates.is_empty() {
+            return 0;
+        }
+        match way {
+            Way::Code(enter) => {
+                let count = candidates.len() as u64;
+                let (candidates, nearer, farther) = (reads(candidates), writes(nearer), writes(farther));
+                enter([reads(&HalfTask { candidates, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
+            }
+            Way::Rust(halve) => halve(candidates, nearer, farther),
+        }
     }
 
     /// Finds the nearest wall of a sphere around the camera or beside it.

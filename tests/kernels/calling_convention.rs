@@ -9,10 +9,10 @@ use std::fmt::Debug;
 use std::ops::Range;
 
 use crate::fences::{self, Side};
-use crate::kernel_cases::{self, Input, implementations, seed};
+use crate::kernel_cases::{self, Input, implementations, packet_kernels, seed};
 use rayo::kernels::harness::{self, BROKEN, broken_read, broken_write, faults, without_denormals};
 use rayo::kernels::{
-    Fault, Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, hits_of_c, hits_of_paper,
+    Candidate, Fault, Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::scene::Rng;
 
@@ -106,6 +106,14 @@ fn without_denormals_a_kernel_sees_none_and_rust_does() {
         let (sum, own) = without_denormals(|| (sum(), std::hint::black_box(least) + 0.0));
         assert_eq!((sum, own), (zero, least), "{implementation}");
         assert_eq!(kernels.add.call(&tiny, &zero), tiny, "{implementation} afterwards");
+    }
+    // What a kernel gives back comes through.
+    let far = Candidate { most: 1.0, ..Candidate::default() };
+    let near = Candidate { most: 2.0, ..Candidate::default() };
+    for (isa, kernels) in packet_kernels() {
+        let (mut nearer, mut farther) = ([Candidate::default(); 3], [Candidate::default(); 3]);
+        let count = without_denormals(|| kernels.nearer_half.call(&[near, far, near], &mut nearer, &mut farther));
+        assert_eq!((count, nearer[0], farther[0]), (2, near, far), "{isa}");
     }
 }
 

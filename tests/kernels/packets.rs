@@ -104,6 +104,7 @@ kernels! {
     tile_rgba8: single.tiles.rgba8, double.tiles.rgba8; tile_cases(), tiles;
     bounds: bounds; tile_cases(), tiles;
     sphere_bounds: sphere_bounds; tile_cases(), tiles;
+    nearer_half: nearer_half; list_cases(), |table, candidates| lists(table, candidates);
     lit_f32x4: single.lit.f32x4, single.grey.f32x4, double.lit.f32x4, double.grey.f32x4;
         lit_cases(), |table, case| lit!(table, case, f32x4, Vec4::from([7.0; 4]));
     lit_f32x4_fast: single.lit.f32x4_fast, single.grey.f32x4_fast, double.lit.f32x4_fast, double.grey.f32x4_fast;
@@ -471,6 +472,21 @@ fn shaded<E: Element>(
         add(&mut made, "bytes of a tile", &bytes);
     }
     made
+}
+
+/// The candidates of tiles.
+fn list_cases() -> Vec<Vec<Candidate>> {
+    let mut rng = Rng::new(seed());
+    let mut any = || choose(&mut rng, &[0.0, 0.5, 1.0, 1.5, 1.75, f32::MAX]);
+    let mut case = |count| (0..count).map(|id| Candidate { id, most: any(), ..Candidate::default() }).collect();
+    (1..70).chain([200]).map(&mut case).collect()
+}
+
+/// Lists of candidates, cut in two.
+fn lists(kernels: &'static PacketKernels, candidates: &[Candidate]) -> Made {
+    let (mut nearer, mut farther) = (candidates.to_vec(), candidates.to_vec());
+    let near = kernels.nearer_half.call(candidates, &mut nearer, &mut farther);
+    vec![("two halves", format!("{:?}", (&nearer[..near], &farther[..candidates.len() - near])))]
 }
 
 /// Rows of a sphere under one light, by random numbers.

@@ -1,6 +1,6 @@
 //! Finding the nearest object at each pixel of a tile, and what culling hidden objects needs.
 //!
-//! The twins of asm/tracers/nearest.asm and around.asm.
+//! The twins of asm/tracers/nearest.asm, around.asm and nearer_half.asm.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -8,8 +8,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::super::records::{
-    AroundSphere, Element, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, TriangleArrays,
-    TrianglePlanes,
+    AroundSphere, Candidate, Element, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile,
+    TriangleArrays, TrianglePlanes,
 };
 use super::super::tiles::{TileGrid, TileWindow};
 use super::lanes::{Each, Lanes, Number};
@@ -236,4 +236,19 @@ pub fn around<L: Lanes, W: Lanes<Number = f64>>(
             .each(|(axis, tile)| W::of(tile.into()) + W::from_fn(|lane| Blocks::<L>::pixel(first + lane)[axis] as f64));
         spheres::around(sphere, x, y).store(&mut near[first..]);
     }
+}
+
+/// Partitions candidates at the middle, by their bits, of the nearest and the farthest.
+pub fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize {
+    let bits = || candidates.iter().map(|candidate| candidate.most.to_bits());
+    let most = bits().filter(|most| *most != f32::MAX.to_bits()).max().unwrap_or(0);
+    let middle = (bits().min().unwrap_or(0) + most) / 2;
+    let (mut near, mut far) = (0, 0);
+    // A branch would be mispredicted.
+    for candidate in candidates {
+        let is_near = candidate.most.to_bits() >= middle;
+        (nearer[near], farther[far]) = (*candidate, *candidate);
+        (near, far) = (near + usize::from(is_near), far + usize::from(!is_near));
+    }
+    near
 }

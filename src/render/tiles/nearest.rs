@@ -222,15 +222,17 @@ impl<E: Element> TileTracer<'_, E> {
         if few || self.plan.keep().has(Omission::Occluded) {
             return trace(candidates, buffers);
         }
+        // Kernels write whole registers.
+        let enough = candidates.len() + CHUNK;
         for layer in [&mut *nearest, room, others] {
-            layer.resize(layer.len().max(candidates.len()), Candidate::default());
+            layer.resize(layer.len().max(enough), Candidate::default());
         }
-        let mut near = nearer_half(candidates, nearest, others);
+        let mut near = self.packets.nearer_half.call(candidates, nearest, others);
         let mut end = candidates.len() - near;
         starts.clear();
         starts.push((0, end));
         while starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
-            let nearer = nearer_half(&nearest[..near], room, &mut others[end..]);
+            let nearer = self.packets.nearer_half.call(&nearest[..near], room, &mut others[end..]);
             if nearer == near {
                 break;
             }
@@ -324,35 +326,6 @@ fn not_behind(candidates: &mut [Candidate], least: f32) -> usize {
         count += usize::from(candidates[i].most >= least);
     }
     count
-}
-
-/// Copies the nearer half of the objects of a tile, which may hide the others, to the front of `nearer`, and the others to that of
-/// `farther`, in order; returns how many are nearer: those whose upper bound of 1/t is not below the middle, which has as many f32
-/// between it and the least bound as between it and the greatest. [`Candidate::ANY`] does not count as the greatest.
-fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize {
-    let (nearer, farther) = (&mut nearer[..candidates.len()], &mut farther[..candidates.len()]);
-    let (mut least, mut most) = ([f32::MAX; 4], [0.0_f32; 4]);
-    let mut extend = |lane: usize, bound: f32| {
-        least[lane] = if bound < least[lane] { bound } else { least[lane] };
-        let bound = if bound == Candidate::ANY { 0.0 } else { bound };
-        most[lane] = if bound > most[lane] { bound } else { most[lane] };
-    };
-    let (fours, rest) = candidates.as_chunks::<4>();
-    for four in fours {
-        (0..4).for_each(|lane| extend(lane, four[lane].most));
-    }
-    rest.iter().for_each(|candidate| extend(0, candidate.most));
-    // Non-negative numbers are ordered as their bits are.
-    let [least, most] = [least.iter().fold(f32::MAX, |a, b| a.min(*b)), most.iter().fold(0.0_f32, |a, b| a.max(*b))];
-    let middle = f32::from_bits((least.to_bits() + most.to_bits()) / 2);
-    let mut near = 0;
-    // A branch would be mispredicted: each is copied to both halves, and only the end of the right one advances.
-    for (i, candidate) in candidates.iter().enumerate() {
-        nearer[near] = *candidate;
-        farther[i - near] = *candidate;
-        near += usize::from(candidate.most >= middle);
-    }
-    near
 }
 
 /// Moves those candidates to the front, in order, that may be visible in the window, and returns their number. The others are
