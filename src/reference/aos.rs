@@ -125,7 +125,7 @@ pub fn plane_normal(s: &Triangle) -> Lanes {
 }
 
 /// The t of TRIANGLE_HIT, infinity for a miss.
-#[inline]
+#[inline(always)]
 pub fn triangle(form: Form, ray: Lanes, s: &Triangle) -> f32 {
     let [v1, v2, v3] = s.vertices;
     let n = plane_normal(s);

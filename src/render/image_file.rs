@@ -1,6 +1,5 @@
 //! Image files: written band by band, so that no image has to be in memory whole, and read back.
 
-mod deflate;
 mod encode;
 mod exr;
 mod parts;
@@ -22,6 +21,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
+
+/// The most bytes that one byte of deflate can stand for: two bits can repeat 258 bytes.
+const DEFLATE_EXPANSION: u64 = 1032;
 
 /// A format that images are written in.
 ///

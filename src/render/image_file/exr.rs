@@ -1,6 +1,6 @@
 //! OpenEXR by its library, block by block: no block is read that is larger than the whole file can mean.
 
-use super::deflate::DEFLATE_EXPANSION;
+use super::DEFLATE_EXPANSION;
 use exr::block::UncompressedBlock;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::error::Error;

@@ -1,15 +1,16 @@
 //! PNG: strips of rows compressed independently, one after another in one stream; and the pixels read back.
 
 use super::Extent;
-use super::deflate;
 use super::parts::{Encode, Join};
 use crate::render::output::Sink;
+use flate2::{Compress, Compression, FlushCompress};
 use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
+use simd_adler32::Adler32;
 use std::borrow::Cow;
 use std::io::{self, BufRead, Seek};
 
-/// The least bytes of a strip but the last. Its first row and its code cost some hundred bytes.
+/// The least bytes of a strip but the last. Its first row and its codes cost some hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
 /// More than a chunk holds, and less than it may hold.
 const CHUNK: usize = 1 << 30;
@@ -37,9 +38,28 @@ impl Encode for PngParts {
     /// Blocks, preceded by the checksum of their content and its length.
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         let rows = rows.as_flattened();
-        let (blocks, sum) = deflate::blocks(rows, self.row);
-        let length = (rows.len() + rows.len() / self.row) as u64;
-        Ok([&sum.to_le_bytes()[..], &length.to_le_bytes(), &blocks].concat().into())
+        let mut filtered = Vec::with_capacity(rows.len() + rows.len() / self.row);
+        for (at, row) in rows.chunks_exact(self.row).enumerate() {
+            // Minus the row above or, in the first row, minus the pixel to the left.
+            let (filter, before) = match at.checked_sub(1) {
+                Some(above) => (2, &rows[above * self.row..]),
+                None => (1, &[&[0; 3], row].concat()[..]),
+            };
+            filtered.push(filter);
+            filtered.extend(row.iter().zip(before).map(|(byte, before)| byte.wrapping_sub(*before)));
+        }
+        let mut sum = Adler32::new();
+        sum.write(&filtered);
+        let (sum, length) = (sum.finish().to_le_bytes(), (filtered.len() as u64).to_le_bytes());
+        let (mut blocks, mut deflate) = ([&sum[..], &length].concat(), Compress::new(Compression::fast(), false));
+        loop {
+            blocks.reserve(filtered.len() / 2 + 64);
+            // The flush ends them on a byte boundary. It is complete where it leaves room.
+            deflate.compress_vec(&filtered[deflate.total_in() as usize..], &mut blocks, FlushCompress::Sync)?;
+            if blocks.len() < blocks.capacity() {
+                return Ok(blocks.into());
+            }
+        }
     }
 }
 

@@ -1,10 +1,9 @@
 //! Image files read into memory, whoever wrote them: nothing in a file is trusted before it is checked.
 
-use super::ImageError;
-use super::deflate::DEFLATE_EXPANSION;
 use super::exr::ExrDecoder;
 use super::pfm::PfmDecoder;
 use super::png::PngDecoder;
+use super::{DEFLATE_EXPANSION, ImageError};
 use crate::kernels::Plain;
 use crate::kernels::memory::try_reserve;
 use crate::measure::picture::{Picture, Pixels};
