@@ -5,7 +5,7 @@
 //! NaN.
 
 mod by_estimates;
-pub mod on_packets;
+mod on_packets;
 mod paper_c;
 
 use std::ops::Range;

@@ -12,7 +12,7 @@ use rayo::scene::Rng;
 use crate::kernel_cases::{Numbers, seed};
 
 /// SPHERE_HIT3: t, or infinity where the ray `d` misses, by the fields of SphereHit.
-pub fn t_of_sphere<L: Lanes>(d: [L; 3], [x, y, z, square, k]: [L; 5]) -> L {
+fn t_of_sphere<L: Lanes>(d: [L; 3], [x, y, z, square, k]: [L; 5]) -> L {
     let c = [x, y, z];
     // VDIFFERENCE: Kahan's difference of products.
     let across = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| {
@@ -35,7 +35,7 @@ fn t_of_triangle<L: Lanes>(d: [L; 3], [[x, y, z, k], edges @ ..]: [[L; 4]; 4]) -
 }
 
 /// LAMBERT3: a colour, and what the light, an ObjectLight, adds to it at the point o of a sphere of radius 1 about the origin.
-pub fn lambert<L: Lanes>([x, y, z, _, weights @ ..]: [L; 7], o: [L; 3], colour: [L; 3]) -> [L; 3] {
+fn lambert<L: Lanes>([x, y, z, _, weights @ ..]: [L; 7], o: [L; 3], colour: [L; 3]) -> [L; 3] {
     let l = [x - o[0], y - o[1], z - o[2]];
     let cosine = (dot(o, l) / dot(l, l).sqrt()).max(L::of(0.0)).min(L::of(1.0));
     [0, 1, 2].map(|i| colour[i].fma(cosine, weights[i]))
