@@ -52,7 +52,9 @@ pub fn no_clock() -> Failure {
 pub fn failure(error: LabError) -> Failure {
     match error {
         LabError::Engine(_) | LabError::Memory { .. } | LabError::Threads(_) => Failure::input(error),
-        LabError::Picture { .. } | LabError::System { .. } | LabError::Nothing => Failure::output(error),
+        LabError::Picture { .. } | LabError::System { .. } | LabError::Uncounted(_) | LabError::Nothing => {
+            Failure::output(error)
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use crate::kernels::step::Unavailable;
 use crate::measure::statistics::{Estimate, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, enough, interleave};
 use crate::render::{Engine, EngineError, Film, FilmMut, NoMemory, PixelFormat, Plan, Purpose, RenderError};
@@ -33,6 +34,8 @@ pub enum LabError {
     },
     #[error(transparent)]
     Threads(#[from] RenderError),
+    #[error(transparent)]
+    Uncounted(#[from] Unavailable),
     #[error("cannot {what}: {error}")]
     System { what: &'static str, error: std::io::Error },
     #[error("stopped before the first size was finished: there is nothing to show")]

@@ -18,15 +18,6 @@ use crate::measure::{Cache, Clock, Work, interleave};
 use crate::render::{Engine, Film, PixelFormat, Purpose};
 use crate::scene::Scene;
 
-/// Why there are no points.
-#[derive(Debug, thiserror::Error)]
-enum NoPoints {
-    #[error(transparent)]
-    Uncounted(#[from] step::Unavailable),
-    #[error(transparent)]
-    Untraced(#[from] LabError),
-}
-
 /// Scenes whose kernels are points.
 const SCENES: [&str; 2] = ["sphere", "tetrahedron"];
 /// The size of the picture whose instructions are counted, by single-stepping.
@@ -91,8 +82,8 @@ pub fn run(caches: &[Cache], clock: &mut dyn Clock, proceed: &mut Progress<'_>) 
         let scene = shipped(name);
         match points(name, &scene, clock) {
             Ok(points) => roofline.points.extend(points),
-            Err(NoPoints::Uncounted(reason)) => roofline.uncounted = Some(reason.to_string()),
-            Err(NoPoints::Untraced(error)) => return Err(error),
+            Err(LabError::Uncounted(reason)) => roofline.uncounted = Some(reason.to_string()),
+            Err(error) => return Err(error),
         }
     }
     Ok(proceed(1).then_some(roofline))
@@ -118,7 +109,7 @@ fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
 }
 
 /// The engines of assembly on a scene.
-fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>, NoPoints> {
+fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>, LabError> {
     let of_assembly = |engine: &&Engine| engine.usable() && matches!(engine, Engine::Packet(_) | Engine::Paper);
     let engines: Vec<Engine> = Engine::ALL.iter().filter(of_assembly).copied().collect();
     let (small, large) = (in_size(scene, COUNTED.0, COUNTED.1), in_size(scene, SIZE.0, SIZE.1));
@@ -127,9 +118,8 @@ fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Ve
         flops.push(flops_of(*engine, &small)? / small.camera.pixels() as f64);
     }
     let case = |engine: &Engine| Case::of(Timed::Tracing, &large, *engine, Purpose::default(), PixelFormat::F32x4);
-    let cases = engines.iter().map(case).collect::<Result<Vec<_>, _>>().map_err(LabError::from)?;
-    let runs = Bench::default().time(clock, &cases, 0..RUNS, &mut || true).map_err(LabError::from)?;
-    let runs = runs.expect("nobody stops it");
+    let cases = engines.iter().map(case).collect::<Result<Vec<_>, _>>()?;
+    let runs = Bench::default().time(clock, &cases, 0..RUNS, &mut || true)?.expect("nobody stops it");
     let point = |((engine, flops_per_pixel), runs): ((&Engine, f64), crate::measure::Runs)| Point {
         scene: name.into(),
         engine: engine.name().into(),
@@ -142,14 +132,14 @@ fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Ve
 }
 
 /// The operations on numbers that an engine executes for a picture.
-fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, NoPoints> {
+fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, LabError> {
     let isa = match engine {
         Engine::Packet(isa) => isa,
         _ => Isa::Sse41,
     };
     let unit = Unit::of(isa).ok_or(step::Unavailable::Platform)?;
-    let tracer = engine.prepare(None, scene).map_err(LabError::from)?;
-    let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize).map_err(LabError::from)?;
+    let tracer = engine.prepare(None, scene)?;
+    let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
     let trace = || tracer.rows(0..scene.camera.height(), film.as_mut());
     let (visits, _) = step::visits(std::slice::from_ref(&unit.code), MOST, trace)?;
     let code = code_at(unit.code.start).and_then(|code| code.get(..unit.code.len()));
