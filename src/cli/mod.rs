@@ -229,7 +229,16 @@ fn colour_on_stdout() -> bool {
     io::stdout().is_terminal() && colour_is_wanted()
 }
 
-/// Text in a style of terminals (SGR), such as 1 for bold, where there are colours.
+// Styles of terminals (SGR).
+const PLAIN: &str = "0";
+const BOLD: &str = "1";
+const DIM: &str = "2";
+const RED: &str = "31";
+const GREEN: &str = "32";
+const YELLOW: &str = "33";
+const CYAN: &str = "36";
+
+/// Text in a style, where there are colours.
 fn styled(colour: bool, code: &str, text: &str) -> String {
     if colour && !text.is_empty() { format!("\u{1b}[{code}m{text}\u{1b}[0m") } else { text.into() }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use crate::cli::styled;
+use crate::cli::{BOLD, CYAN, DIM, PLAIN, YELLOW, styled};
 use crate::experiments::ops::{Counts, Kernel, LIT, Line, OPS, Report, Source};
 use crate::measure::instructions::Function;
 
@@ -12,12 +12,6 @@ const ABREAST: usize = 2;
 /// Columns of a label, and what the text of most instructions takes at most.
 const LABEL: usize = 5;
 const TEXT: usize = 44;
-
-const PLAIN: &str = "0";
-const BOLD: &str = "1";
-const DIM: &str = "2";
-const YELLOW: &str = "33";
-const CYAN: &str = "36";
 
 /// An instruction as it is printed.
 struct Shown<'a> {
@@ -117,8 +111,7 @@ fn beside_source(text: &mut String, listing: &[Line], width: usize, colour: bool
         let line = &lines[0];
         let times = if lines.len() > 1 { format!(", {} times", lines.len()) } else { String::new() };
         let cell = cell(line) + &times;
-        let style = if line.line.target.is_some() { CYAN } else { "" };
-        let shown = if style.is_empty() { cell.clone() } else { styled(colour, style, &cell) };
+        let shown = styled(colour && line.line.target.is_some(), CYAN, &cell);
         let taken = cell.chars().count().max(longest) + 2;
         let gap = " ".repeat(taken - cell.chars().count());
         let source = line.line.source.as_ref().map_or(String::new(), |it| origin(it, width.saturating_sub(taken)));

@@ -1,6 +1,6 @@
 //! The tree of `rayo step` in lines of text.
 
-use crate::cli::styled;
+use crate::cli::{BOLD, DIM, GREEN, RED, styled};
 use crate::experiments::step::{Argument, Change, Line, Node, Value, Watched};
 use crate::measure::instructions::Mix;
 
@@ -17,24 +17,8 @@ pub struct How {
 }
 
 impl How {
-    fn styled(&self, code: &str, text: &str) -> String {
-        styled(self.colour, code, text)
-    }
-
-    fn dim(&self, text: &str) -> String {
-        self.styled("2", text)
-    }
-
-    fn bold(&self, text: &str) -> String {
-        self.styled("1", text)
-    }
-
-    fn green(&self, text: &str) -> String {
-        self.styled("32", text)
-    }
-
-    fn red(&self, text: &str) -> String {
-        self.styled("31", text)
+    fn styled(&self, style: &str, text: &str) -> String {
+        styled(self.colour, style, text)
     }
 }
 
@@ -44,7 +28,7 @@ const SOURCE: usize = 44;
 /// All of it.
 pub fn text(watched: &Watched, how: &How) -> String {
     let mut out = String::new();
-    out += &format!("{}\n", how.bold(&title(watched)));
+    out += &format!("{}\n", how.styled(BOLD, &title(watched)));
     nodes(&mut out, &watched.tree, watched, how, 0, how.only.is_none());
     out + "\n"
         + &if how.error { dearest(watched, how.only.as_deref()) } else { String::new() }
@@ -86,7 +70,7 @@ fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usi
             Node::Kernel { symbol, says, children } => {
                 if told {
                     let says = if says.is_empty() { String::new() } else { format!(" - {says}") };
-                    *out += &format!("\n{}{}\n", how.bold(symbol), how.dim(&says));
+                    *out += &format!("\n{}{}\n", how.styled(BOLD, symbol), how.styled(DIM, &says));
                 }
                 if told && how.depth == Some(0) {
                     continue;
@@ -100,20 +84,24 @@ fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usi
                     let count = count(*instructions);
                     if folded {
                         let values = values(arguments);
-                        *out += &format!("{indent}{line:>4}  {}{values}  {}\n", how.bold(name), how.dim(&count));
+                        *out += &format!(
+                            "{indent}{line:>4}  {}{values}  {}\n",
+                            how.styled(BOLD, name),
+                            how.styled(DIM, &count)
+                        );
                         continue;
                     }
                     let mark = if comment.is_empty() { String::new() } else { format!("  ; {comment}") };
-                    *out += &format!("{indent}{line:>4}  {}{}\n", how.bold(name), how.dim(&mark));
+                    *out += &format!("{indent}{line:>4}  {}{}\n", how.styled(BOLD, name), how.styled(DIM, &mark));
                     let says = if says.is_empty() { String::new() } else { format!("{says} ") };
-                    *out += &format!("{indent}      {}\n", how.dim(&format!("{says}({file}, {count})")));
+                    *out += &format!("{indent}      {}\n", how.styled(DIM, &format!("{says}({file}, {count})")));
                 }
                 nodes(out, children, watched, how, depth + 1, wanted);
             }
             Node::Once { instructions, children } => {
                 let title = format!("{indent}      once for the row: {instructions} instructions\n");
                 if told {
-                    *out += &how.dim(&title);
+                    *out += &how.styled(DIM, &title);
                 }
                 if !(told && how.depth.is_some_and(|most| depth >= most)) {
                     nodes(out, children, watched, how, depth + 1, told);
@@ -124,10 +112,10 @@ fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usi
                 step(out, &watched.steps[*at], how);
             }
             Node::Padding(count) if told => {
-                *out += &how.dim(&format!("{indent}      {}\n", padding(*count)));
+                *out += &how.styled(DIM, &format!("{indent}      {}\n", padding(*count)));
             }
             Node::Others { rounds, instructions } if told => {
-                *out += &how.dim(&format!("{indent}      {}\n", others(*rounds, *instructions)));
+                *out += &how.styled(DIM, &format!("{indent}      {}\n", others(*rounds, *instructions)));
             }
             Node::Step(_) | Node::Padding(_) | Node::Others { .. } => {}
         }
@@ -137,27 +125,27 @@ fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usi
 fn step(out: &mut String, line: &Line, how: &How) {
     let Line { line: number, source, changed, compared, branch, comment, unknown, overturned, made, .. } = line;
     let padded = format!("{source:<SOURCE$}");
-    let padded = if *made || branch.is_some() { padded } else { how.dim(&padded) };
+    let padded = if *made || branch.is_some() { padded } else { how.styled(DIM, &padded) };
     let mut told: Vec<_> = changed.iter().map(|change| changes(change, how)).collect();
     if how.error {
         for Lost { error, cancelled } in changed.iter().filter_map(lost) {
-            told.push(cancelled.map_or(error.clone(), |cancelled| format!("{error}; {}", how.red(&cancelled))));
+            told.push(cancelled.map_or(error.clone(), |cancelled| format!("{error}; {}", how.styled(RED, &cancelled))));
         }
     }
     if *overturned {
-        told.push(how.red(OVERTURNED));
+        told.push(how.styled(RED, OVERTURNED));
     }
     told.extend(compared.clone());
     if let Some(branch) = branch {
         let taken = if branch.taken { "taken" } else { "not taken" };
-        told.push(format!("{} {}", how.green(taken), branch.why));
+        told.push(format!("{} {}", how.styled(GREEN, taken), branch.why));
     }
-    let comment = if comment.is_empty() { String::new() } else { how.dim(&format!("  ; {comment}")) };
+    let comment = if comment.is_empty() { String::new() } else { how.styled(DIM, &format!("  ; {comment}")) };
     *out += &format!("{number:>4}  {padded}  {}{comment}", told.join("; "));
     out.truncate(out.trim_end().len());
     *out += "\n";
     if let Some(unknown) = unknown {
-        *out += &format!("      {}\n", how.red(&format!("the model: {unknown}")));
+        *out += &format!("      {}\n", how.styled(RED, &format!("the model: {unknown}")));
     }
 }
 
@@ -172,7 +160,7 @@ pub fn elements(values: &[Value]) -> String {
 fn changes(change: &Change, how: &How) -> String {
     let Change { name, before, after, .. } = change;
     let (before, after) = (elements(before), elements(after));
-    format!("{} {} {} {}", how.bold(name), how.dim(&before), how.dim("→"), after)
+    format!("{} {} {} {}", how.styled(BOLD, name), how.styled(DIM, &before), how.styled(DIM, "→"), after)
 }
 
 /// What exact values would do.
