@@ -120,8 +120,8 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The implementations that are meant; None for all.
-fn implementations(ops: &[String], engines: &[String]) -> Result<Option<Vec<String>>, Failure> {
+/// The implementations that are meant; none for all.
+fn implementations(ops: &[String], engines: &[String]) -> Result<Vec<String>, Failure> {
     let mut wanted = Vec::new();
     for engine in engines {
         let prefix = format!("{engine}-");
@@ -139,5 +139,5 @@ fn implementations(ops: &[String], engines: &[String]) -> Result<Option<Vec<Stri
             return Err(Failure::input(format!("there is no implementation `{engine}` of {of}")));
         }
     }
-    Ok((!wanted.is_empty()).then_some(wanted))
+    Ok(wanted)
 }

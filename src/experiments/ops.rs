@@ -69,8 +69,8 @@ const FRAME_OF_PACKETS: (u32, u32) = (64, 48);
 pub struct Options {
     /// Some of [`OPS`], or [`LIT`]; none for all of the former.
     pub wanted: Vec<String>,
-    /// Some of [`IMPLEMENTATIONS`]; None for all.
-    pub implementations: Option<Vec<String>>,
+    /// Some of [`IMPLEMENTATIONS`]; none for all.
+    pub implementations: Vec<String>,
     /// Whether to count executed instructions too.
     pub executed: bool,
     /// Whether to measure latency and throughput.
@@ -293,12 +293,9 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Str
         let _ = sys::pin_to_this_core();
         feedback_cycles = chain_cycles(FEEDBACK, LEAST_CYCLES);
     }
-    let wanted = |implementation: &&str| match &options.implementations {
-        Some(wanted) => wanted.iter().any(|w| w == implementation),
-        None => true,
-    };
-    let is_wanted = |op: &&str| options.wanted.iter().any(|wanted| wanted == op);
-    let ops = every().filter(|op| if options.wanted.is_empty() { *op != LIT } else { is_wanted(op) });
+    let is_among = |name: &str, wanted: &[String]| wanted.iter().any(|wanted| wanted == name);
+    let wanted = |name: &&str| options.implementations.is_empty() || is_among(name, &options.implementations);
+    let ops = every().filter(|op| if options.wanted.is_empty() { *op != LIT } else { is_among(op, &options.wanted) });
     let implementations = |op| if op == LIT { &IMPLEMENTATIONS_OF_LIT[..] } else { &IMPLEMENTATIONS[..] };
     let cells: Vec<_> =
         ops.flat_map(|op| implementations(op).iter().copied().filter(wanted).map(move |name| (op, name))).collect();

@@ -83,7 +83,7 @@ fn digits_are_lost_in_the_papers_discriminant_and_by_packets_nowhere() {
 fn a_ray_takes_as_many_instructions_as_ops_counts_on_its_path() {
     let options = ops::Options {
         wanted: vec!["sphere".into()],
-        implementations: Some(vec!["paper".into()]),
+        implementations: vec!["paper".into()],
         executed: true,
         cost: false,
     };
@@ -108,7 +108,7 @@ fn an_operation_takes_as_many_instructions_as_ops_counts() {
             let watched = watch_operation(op, engine, vec![1.0, 2.0, 3.0], b).unwrap();
             let options = ops::Options {
                 wanted: vec![op.into()],
-                implementations: Some(vec![engine.name().into()]),
+                implementations: vec![engine.name().into()],
                 executed: true,
                 cost: false,
             };
