@@ -54,6 +54,33 @@ fn every_engine_agrees_with_the_reference_within_a_level_but_for_rays_on_an_outl
 }
 
 #[test]
+fn the_comparison_can_fail() {
+    let (width, height) = (203, 151);
+    let scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), ..many(40, 40, 11) };
+    let truth = Truth::new(&scene);
+    let at_silhouette = |i: &usize| truth.at_silhouette(*i as u32 / width, *i as u32 % width);
+    let pixels = 0..(width * height) as usize;
+    let inner = pixels.clone().find(|i| !at_silhouette(i)).unwrap();
+    let outline: Vec<_> = pixels.filter(at_silhouette).collect();
+    type Change<'a> = &'a dyn Fn(&mut Vec<[u8; 3]>);
+    let table: [(&str, bool, Change); 5] = [
+        ("nothing", true, &|_| {}),
+        ("an inner pixel by one level", true, &|bytes| bytes[inner][0] ^= 1),
+        ("an inner pixel by two levels", false, &|bytes| bytes[inner][2] ^= 2),
+        ("all by a pixel", false, &|bytes| bytes.rotate_right(1)),
+        ("an outline pixel of 500", false, &|bytes| {
+            outline.iter().step_by(500).for_each(|&i| bytes[i] = [255, 0, 255])
+        }),
+    ];
+    let reference = contenders()[0];
+    for (what, agrees, change) in table {
+        let mut bytes = reference.bytes(&scene);
+        change(&mut bytes);
+        assert_eq!(truth.compare(&reference, &bytes).is_ok(), agrees, "changed {what}");
+    }
+}
+
+#[test]
 fn a_frame_says_what_is_at_a_pixel_and_traces_into_no_film_of_another_size() {
     let scene = Scene { camera: Camera::new(61, 47, 1.0, 1.0).unwrap(), ..many(20, 20, 3) };
     let truth = Truth::new(&scene);
