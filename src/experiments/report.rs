@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::accuracy::AccuracyReport;
 use super::complexity::Complexity;
@@ -214,13 +214,13 @@ impl Results {
             ("slopes", "complexity"),
         ];
         let part = parts.into_iter().find(|(field, _)| document.get(field).is_some());
+        let (machine, quick) = (&document["machine"], document["quick"] == true);
+        // As text, so that errors say in which line.
         let whole = match part {
-            Some((_, part)) => {
-                json!({ "machine": document["machine"], "quick": document["quick"] == true, part: document })
-            }
-            None => document,
+            Some((_, part)) => format!(r#"{{"machine": {machine}, "quick": {quick}, "{part}": {text}}}"#),
+            None => text.into(),
         };
-        let results: Results = serde_json::from_value(whole).map_err(no_document)?;
+        let results: Results = serde_json::from_str(&whole).map_err(no_document)?;
         if let Some(what) = results.experiment.as_ref().and_then(Experiment::gap) {
             return Err(ReadError::Gap { path: path.into(), what });
         }

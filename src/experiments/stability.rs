@@ -84,6 +84,9 @@ pub struct Cell {
     /// The worst case by each of [`Figures`], and its figure there.
     #[serde(skip)]
     worst_by: [(f64, usize); limits::MEASURES.len()],
+    /// The rays of the whole level, of which a limit is a share, even if only one of its cases is swept.
+    #[serde(skip)]
+    level_rays: usize,
 }
 
 impl Cell {
@@ -93,7 +96,7 @@ impl Cell {
     }
 
     fn figures(&self) -> Figures {
-        let share = |count: usize| count as f64 / self.rays.max(1) as f64;
+        let share = |count: usize| count as f64 / self.level_rays.max(1) as f64;
         let counts = [self.wrong_hits, self.holes, self.unexplained, self.off_by_2].map(share);
         figures([self.max_ulp, self.bound_share, self.max_angle], counts)
     }
@@ -251,13 +254,10 @@ impl StabilityReport {
         }
         if document.complete && settings.case.is_none() {
             document.costs = cost::measure(&settings.families, &settings.contenders, settings.quick)?;
-        }
-        if document.complete && settings.case.is_none() {
             document.operations = operations::sweep(&settings.families, settings.seed, settings.quick);
-        }
-        // Of small pictures, or of some of the cases, the worst is not to be expected.
-        if document.complete && !settings.quick && settings.case.is_none() {
-            document.tighter = document.rows.iter().filter_map(|row| settings.limits.tighter(row)).collect();
+            // Of small pictures the worst is not to be expected.
+            let tighter = document.rows.iter().filter_map(|row| settings.limits.tighter(row));
+            document.tighter = if settings.quick { Vec::new() } else { tighter.collect() };
         }
         Ok(document)
     }
@@ -310,6 +310,7 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
         }
     }
     for (cell, usual) in cells.iter_mut().zip(usual) {
+        cell.level_rays = cell.rays * variants / cases.len();
         cell.slowdown = cell.slowdown.or(cell.ns_per_ray.filter(|_| !family.same_work).map(|ns| ns / usual));
         cell.ns_per_ray = cell.ns_per_ray.map(|ns| ns / cell.rays as f64);
     }

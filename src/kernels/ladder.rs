@@ -36,7 +36,10 @@ impl Level {
     }
 }
 
-/// A variant of a tracer, or of the kernels that one calls.
+/// A variant of a tracer, or of the kernels that one calls. A tracer's kernel alone would take more objects than it has room for:
+/// ```compile_fail,E0624
+/// rayo::kernels::ladder::C[0].kernel();
+/// ```
 #[derive(Clone, Copy)]
 pub struct Rung<K = Trace> {
     /// Its name in build.rs.
@@ -57,7 +60,7 @@ impl<K> Rung<K> {
     ///
     /// # Panics
     /// If it is not [`Rung::usable`].
-    pub fn kernel(&self) -> &K {
+    pub(crate) fn kernel(&self) -> &K {
         assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
         &self.kernel
     }

@@ -233,12 +233,6 @@ macro_rules! lit_row {
 }
 lit_row! { start end j stop m a h0 q0 }
 
-impl<E: Element> Default for LitRows<E> {
-    fn default() -> Self {
-        Self::ZERO
-    }
-}
-
 /// The position of a light relative to the camera, and a 0.
 pub type TilePoint<E> = [E; 4];
 

@@ -66,7 +66,7 @@ impl<'a, E: Element> LitTracer<'a, E> {
 
     /// Calls `say` for some of `rows` at a time: with the first of them, their number, and their spans of the sphere.
     fn each_rows(&self, rows: Range<u32>, scale: Scale, mut say: impl FnMut(u32, usize, &LitRows<E>)) {
-        let mut lit_rows = LitRows::default();
+        let mut lit_rows: LitRows<E> = crate::kernels::Plain::ZERO;
         for first in rows.clone().step_by(LIT_ROWS) {
             let count = ((rows.end - first) as usize).min(LIT_ROWS);
             self.kernels.lit_rows.call(self.form.setup(scale), first, count, &mut lit_rows);

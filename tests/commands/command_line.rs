@@ -420,6 +420,7 @@ fn no_file_steers_the_terminal() {
     place.write("a.in", SCENE);
     place.write(title, "P3 1 1 255 1 2 3");
     place.write("a\nb.stl", "solid");
+    place.write("a\nb\u{1b} and a name that is long.in", SCENE);
     for arguments in [
         &["render", "scene.in", "--preview"][..],
         &["render", "a.in", "-o", "\u{1b}]0;.ppm"],
@@ -432,6 +433,7 @@ fn no_file_steers_the_terminal() {
         &["convert", "a.in", "\u{1b}.stl"],
         &["convert", "a\nb.stl", "b.obj"],
         &["plan", "\u{1b}"],
+        &["accuracy", "a\nb\u{1b} and a name that is long.in", "--quick"],
         &["report", "--from", "\u{1b}"],
         &["render", "a.in", "--engine", "\u{1b}"],
         &["\u{9b}2J"],
@@ -439,6 +441,7 @@ fn no_file_steers_the_terminal() {
     ] {
         let output = place.command().args(arguments).output().unwrap();
         let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(!said.contains("panicked"), "{said}");
         let control = |c: char| c.is_control() && c != '\n';
         assert_eq!(said.find(control), None, "{arguments:?}: {}", said.escape_debug());
         assert!(!said.contains("a\nb"), "{}", said.escape_debug());

@@ -119,6 +119,14 @@ fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_faile
     assert_eq!(run.status, 1, "{}", run.stderr);
 }
 
+#[test]
+fn a_case_alone_is_held_to_what_the_others_of_its_level_leave_it() {
+    let at = TempDir::new().unwrap();
+    // Nearly all of its hits are wrong, and far fewer of its level's.
+    let case = ["stability", "--family", "S1", "--engine", "paper", "--case", "45", "--quick"];
+    assert!(program::rayo(case, at.path()).printed().contains("kept"));
+}
+
 /// By then it has said how long it will take, and hears signals.
 #[cfg(target_os = "linux")]
 #[test]

@@ -180,6 +180,10 @@ fn what_cannot_be_read_is_refused_and_nothing_is_written() {
         (case("cut", &whole[..whole.len() / 2]), "results.json is cut short, or no results: EOF"),
         (case("unlike", "{\"schema\": 1, \"rows\": []}"), "is cut short, or no results: missing field `machine`"),
         (case("gap", &gap), "is not whole: in its rows, "),
+        (
+            case("odd", &whole.replacen("\"core\": ", "\"core\": \"\", \"was\": ", 1)),
+            "invalid type: string \"\", expected usize at line ",
+        ),
         (case("none", "[]"), "has results of schema no number"),
         (directory.path().join("empty"), "no results are here: name a directory that `rayo report`"),
         (directory.path().join("nowhere"), "no results are here"),

@@ -122,6 +122,13 @@ fn an_operation_takes_as_many_instructions_as_ops_counts() {
 }
 
 #[test]
+fn one_is_not_many() {
+    let cross = ["step", "--op", "cross", "--a", "1,2,3", "--b", "4,5,6", "--engine", "paper"];
+    let run = program::rayo(cross, Path::new("."));
+    assert!(run.printed().contains(" 4 shuffles, 2 loads, 1 store, 1 jump, 1 other\n"), "{}", run.stdout);
+}
+
+#[test]
 fn a_neighbour_in_the_packet_is_the_pixel_beside() {
     let scene = sphere_at(4.0);
     for engine in engines().filter(|engine| engine.is_packet()) {

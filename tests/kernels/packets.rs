@@ -541,7 +541,7 @@ fn lit_of<E: Element, P: Plain + Debug>(
     let one = E::from_f64(1.0);
     let sphere = Box::new(if grey { LitSphere { red: one, green: one, blue: one, ..sphere } } else { sphere });
     let rows = kernel_cases::lit_rows(numbers, width, place.count / width, &mut rng);
-    let mut all = Box::new(LitRows::default());
+    let mut all = Box::new(LitRows::ZERO);
     rows.iter().enumerate().for_each(|(i, row)| all.set_row(i, row));
     let film = place.film(canary, |out| kernel.call(&sphere, &all, out, width, place.streaming));
     let levels = place.film([0.0; 3], |out| floats.call(&sphere, &all, out, width, false));
@@ -578,8 +578,7 @@ fn found_rows(table: &'static PacketKernels, &(width, height, sphere): &(u32, u3
         let Some(form) = LitForm::of::<E>(scene, Keep::NOTHING).map(Box::new) else { return };
         let height = scene.camera.height();
         for first in (0..height).step_by(LIT_ROWS - 1) {
-            let (count, mut rows) =
-                ((height - first).min(LIT_ROWS as u32 - 1) as usize, Box::new(LitRows::<E>::default()));
+            let (count, mut rows) = ((height - first).min(LIT_ROWS as u32 - 1) as usize, Box::new(LitRows::<E>::ZERO));
             kernels.lit_rows.call(form.setup(Scale::Linear), first, count, &mut rows);
             let row = |i: usize| Some(rows.row(i)).filter(|row| row.start < row.end);
             (0..count).for_each(|i| add(made, "rows", &row(i)));

@@ -5,7 +5,7 @@
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 
 use rayo::kernels::{
-    Candidate, Element, ElementKernels, LitRow, LitRows, LitSphere, PacketKernels, ShadingRecords, SphereChunk,
+    Candidate, Element, ElementKernels, LitRow, LitRows, LitSphere, PacketKernels, Plain, ShadingRecords, SphereChunk,
     SphereRecords, TileBuffers, TileOut, TileShade, TileWindow, TriangleChunk, Vec4,
 };
 use rayo::plan::{Keep, Raster, TilePlace, Tiles};
@@ -31,7 +31,7 @@ fn accepted(calls: Calls<'_>) -> Vec<String> {
 
 fn rows<E: Element>(kernels: &ElementKernels<E>) -> Vec<String> {
     let lit = |start: f64, end: f64| {
-        let mut rows = LitRows::default();
+        let mut rows = LitRows::ZERO;
         (0..2).for_each(|row| rows.set_row(row, &LitRow { start, end, ..LitRow::default() }.round()));
         kernels.lit.f32x4.call(&LitSphere::default(), &rows, &mut [Vec4::default(); 128], 64, false);
     };

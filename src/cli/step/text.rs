@@ -282,7 +282,9 @@ pub fn work(watched: &Watched) -> String {
         (r#move, "moves"),
         (other, "others"),
     ];
-    let kinds: Vec<_> = kinds.iter().filter(|(count, _)| **count > 0).map(|(n, name)| format!("{n} {name}")).collect();
+    let counted =
+        |(n, name): &(&usize, &str)| format!("{n} {}", if **n == 1 { name.trim_end_matches('s') } else { name });
+    let kinds: Vec<_> = kinds.iter().filter(|(count, _)| **count > 0).map(counted).collect();
     format!(
         "{instructions} instructions: {}\n\
          the model of the instructions against the CPU: {bits_compared} bits compared, {unknown} unknown or wrong\n",

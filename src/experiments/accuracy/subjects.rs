@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::experiments::in_size;
 use crate::scene::families::{FAMILIES, Family};
-use crate::scene::{self, Scene, SceneError};
+use crate::scene::{self, Scene, SceneError, shown};
 
 /// The scenes that come with the program, ordinary ones.
 const SHIPPED: [(&str, &[u8]); 5] = [
@@ -97,7 +97,7 @@ pub fn named(name: &str, quick: bool) -> Result<Vec<Subject>, SceneError> {
         Some(family) if !Path::new(name).exists() => Ok(of_family(family, size)),
         _ => {
             let scene = reduced(scene::read(name.as_ref())?, size);
-            Ok(vec![Subject { name: name.into(), family: None, scene }])
+            Ok(vec![Subject { name: shown(name), family: None, scene }])
         }
     }
 }

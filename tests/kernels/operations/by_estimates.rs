@@ -1,7 +1,7 @@
 //! The shade of the closed form by the worst estimates of roots that any CPU may give: the twin, fed with them.
 
 use rayo::experiments::accuracy::{ESTIMATES, expect};
-use rayo::kernels::{LitRow, LitRows, LitSphere};
+use rayo::kernels::{LitRow, LitRows, LitSphere, Plain};
 use rayo::plan::{Keep, LitForm, Scale};
 use rayo::render::{TruePixel, level};
 use rayo::scene::families::FAMILIES;
@@ -60,7 +60,7 @@ impl Found {
         let sphere = form.sphere(Scale::Levels).round();
         // An error of so much more or less than rsqrtps's.
         let most = ESTIMATES * error / ERROR + ROUNDING;
-        let mut rows = LitRows::default();
+        let mut rows = LitRows::ZERO;
         for row in 0..scene.camera.height() {
             rayo::kernels::portable().single.lit_rows.call(form.setup(Scale::Levels), row, 1, &mut rows);
             let record = rows.row(0);
