@@ -12,6 +12,7 @@ mod number;
 mod open;
 mod opened;
 mod parse;
+#[cfg(feature = "files")]
 mod pieces;
 mod random;
 #[cfg(feature = "files")]

@@ -83,6 +83,7 @@ fn up_to_eight(text: &[u8; 8]) -> (u64, usize) {
 }
 
 /// The integer at the start of a text, of at most nine digits, and what follows it.
+#[cfg(feature = "files")]
 #[inline]
 pub(super) fn whole(text: &[u8]) -> Option<(u32, &[u8])> {
     let (value, length) = match text.first_chunk().map(up_to_eight) {

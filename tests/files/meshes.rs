@@ -74,7 +74,10 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
         write("box.obj", &format!("\u{feff}mtllib my box.mtl\n{before}{OBJ_SQUARE}vn 0 0 1\n{faces}"));
         let mesh = Mesh::read(&folder.path().join("box.obj")).unwrap();
         assert_eq!(colours(&mesh), [[1.0; 3], RED, RED, [0.0, 0.0, 0.5], [1.0; 3], [1.0; 3]]);
-        assert_eq!(mesh.notes, ["not read: normals", "not read: textures, transparency"]);
+        assert_eq!(
+            mesh.notes,
+            ["not read: normals", "not read: materials that no file describes, textures, transparency"]
+        );
     }
     write("lost.obj", &format!("mtllib lost.mtl\n{OBJ_SQUARE}{faces}"));
     let lost = Mesh::read(&folder.path().join("lost.obj")).unwrap();

@@ -4,8 +4,9 @@ use crate::counting::peak_of;
 use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
-use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{Camera, Light, MeshFormat, Rng, Scene, Sphere, Triangle};
+use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
+#[cfg(feature = "files")]
+use rayo::scene::{MeshFormat, mesh::shapes::icosphere};
 
 /// Triangles that each meet as many tiles as an object's place in the lists is kept for, in 11 tiles of a row: `across` says
 /// which is the first of each.

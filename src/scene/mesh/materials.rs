@@ -84,12 +84,13 @@ impl Materials {
         if !mesh.colours.is_empty() {
             return mesh.note_unread(&[("materials, since vertices have colours", true)]);
         }
-        let mut known = HashMap::new();
+        let (mut known, mut all_are_read) = (HashMap::new(), true);
         for library in &self.libraries {
             let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
             // One name with blanks, or several.
             let are_read = read(library, folder, &mut known)
                 || words().count() > 1 && words().all(|name| read(name, folder, &mut known));
+            all_are_read &= are_read;
             if !are_read {
                 let name = printable(&String::from_utf8_lossy(library));
                 mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read"));
@@ -99,6 +100,10 @@ impl Materials {
         let of = |name: &[u8]| known.get(name).unwrap_or(&none);
         let has = |which: fn(&Material) -> bool| self.uses.iter().any(|(_, name)| which(of(name)));
         let unread = [
+            (
+                "materials that no file describes",
+                all_are_read && self.uses.iter().any(|(_, name)| !known.contains_key(name)),
+            ),
             ("textures", has(|material| material.has_texture)),
             ("transparency", has(|material| material.is_transparent)),
         ];
