@@ -56,7 +56,7 @@ pub struct RenderArgs {
     /// picture (data window and display window), and any other format is a picture of these rows
     #[arg(long, value_name = "A..B", value_parser = rows)]
     pub rows: Option<Range<u32>>,
-    /// The number of threads that read, trace and encode. Default: one for each core
+    /// The number of threads that trace and encode. Default: one for each core
     #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub threads: Option<usize>,
     /// Print what is left out, and why, before the first ray
