@@ -551,7 +551,7 @@ impl<E: Element> TileBuffers<E> {
     /// The hierarchical depth of the tile, whose blocks have this many lanes: the least 1/t of each square of [`PART_SIDE`]
     /// pixels, row by row, 0 if a pixel has no hit; in f32, which preserves their order.
     pub fn farthest(&self, lanes: usize) -> [f32; TILE_PARTS] {
-        /// Pixels of a square that follow each other, or more.
+        /// At least as many pixels of a square follow each other, whatever the lanes.
         const TOGETHER: usize = PART_SIDE;
         // Blocks have rows of up to four.
         let height = lanes.div_ceil(4);
