@@ -1,8 +1,8 @@
 //! What an instruction does, as operations on elements of registers and memory: a model that is compared with the CPU.
 //!
 //! An operation makes one element of others, which are those that the instruction finds. Of what an instruction computes
-//! with floating-point numbers, the model says what: that can be done again with other numbers. Of integers it knows the
-//! result. What selects (a mask, an index, the numbers that a minimum compares) is resolved, and named.
+//! with floating-point numbers, the model says what: that can be done again with other numbers. Of integers in
+//! vectors it knows the result, and of those in general registers which others they are made of. What selects (a mask, an index, the numbers that a minimum compares) is resolved, and named.
 
 mod arithmetic;
 mod check;
@@ -79,8 +79,8 @@ pub enum What {
     Copy,
     /// This, of integers and bits.
     Computed(u64),
-    /// What Intel's manual leaves open.
-    Undefined,
+    /// What the CPU made of them in general registers, masks and flags: addresses, counts and conditions.
+    Found,
     /// The bit of this table whose number is made of the bits of `a` (4), `b` (2) and `c` (1), as of `vpternlogd`.
     Logic(u8),
     /// A number of this format.

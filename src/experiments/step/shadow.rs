@@ -215,11 +215,11 @@ impl Shadow {
                     self.logic(step, operation, table, made);
                     false
                 }
-                What::Computed(_) => {
+                What::Computed(_) | What::Found => {
                     self.restart(step, operation, made);
                     false
                 }
-                What::Copy | What::Undefined => false,
+                What::Copy => false,
             };
             if overturned {
                 made.overturned.push(place);

@@ -35,7 +35,7 @@ pub fn check(step: &Step, operations: &[Operation]) -> Check {
     let mut memory = step.touched.map_or([0; 64], |touched| touched.before);
     let mut bits = 0;
     for operation in operations {
-        if operation.what != What::Undefined {
+        if operation.what != What::Found {
             bits += u64::from(operation.to.bits);
         }
         put(&mut state, &mut memory, address, operation.to, result(step, operation));
@@ -80,7 +80,7 @@ pub(crate) fn result(step: &Step, operation: &Operation) -> u64 {
     let bits = match operation.what {
         What::Copy => from[0],
         What::Computed(bits) => bits,
-        What::Undefined => found(),
+        What::Found => found(),
         What::Logic(table) => logic(table, &from),
         What::Float(format, float) => arithmetic::float(format, float, &from, found),
         What::Convert(of, to) => arithmetic::convert(of, to, from[0]),
