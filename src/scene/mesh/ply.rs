@@ -9,7 +9,6 @@ use ply_rs_bw::ply::{
 };
 
 use super::fault::{counted, not_finite};
-use super::polygon::Fan;
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
@@ -75,20 +74,12 @@ impl<R: Read> Elements<R> {
                 // White for the triangles of a previous element without colours.
                 mesh.paint_to(mesh.triangles.len(), Vec3::ONE);
             }
-            let usual = Usual::of(element, self.encoding);
             match element.name.as_str() {
                 "vertex" => {
                     // With room for the padding that faces have after their vertices.
                     mesh.vertices = room(element.count + 1);
                     tints = room(if is_coloured { element.count } else { 0 });
-                    while mesh.vertices.len() < element.count {
-                        if let Some(usual) = &usual {
-                            self.usual_vertices(usual, element.count, &mut mesh.vertices, &mut tints);
-                        }
-                        let number = mesh.vertices.len() + 1;
-                        if number > element.count {
-                            break;
-                        }
+                    for number in 1..=element.count {
                         let Point { at: point, colour } = self.next("vertex", number, element)?;
                         if !point.is_finite() {
                             return Err(self.at(not_finite(&format!("vertex {number}"))));
@@ -101,25 +92,18 @@ impl<R: Read> Elements<R> {
                     if mesh.triangles.is_empty() {
                         mesh.triangles = room(element.count);
                     }
-                    let (mut corners, mut read) = (Vec::new(), 0);
-                    while read < element.count {
-                        if let Some(usual) = &usual {
-                            self.usual_faces(usual, vertices, (&mut read, element.count), &mut mesh, &mut fans);
-                        }
-                        if read == element.count {
-                            break;
-                        }
-                        read += 1;
-                        let Face { corners: indices, colour } = self.next("face", read, element)?;
+                    let mut corners = Vec::new();
+                    for number in 1..=element.count {
+                        let Face { corners: indices, colour } = self.next("face", number, element)?;
                         corners.clear();
                         for (corner, index) in (1..).zip(indices) {
-                            corners.push(vertex("face", read, corner, index).map_err(|fault| self.at(fault))?);
+                            corners.push(vertex("face", number, corner, index).map_err(|fault| self.at(fault))?);
                         }
                         if corners.len() < 3 {
-                            let message = format!("face {read} has {}", counted(corners.len(), "corner", "corners"));
+                            let message = format!("face {number} has {}", counted(corners.len(), "corner", "corners"));
                             return Err(self.at(MeshError::new(message).expected("at least three")));
                         }
-                        mesh.push_face(read, &corners, &mut fans);
+                        mesh.push_face(number, &corners, &mut fans);
                         if is_coloured {
                             mesh.paint_to(mesh.triangles.len(), colour);
                         }
@@ -145,146 +129,6 @@ impl<R: Read> Elements<R> {
         }
         Ok(painted(mesh.cut(&fans)?, header, &tints))
     }
-
-    /// Reads up to `count` vertices, stopping at one that is unusual or not all at hand.
-    fn usual_vertices(&mut self, usual: &Usual<'_>, count: usize, points: &mut Vec<Vec3>, tints: &mut Vec<Vec3>) {
-        let Some([x, y, z]) = usual.places(["x", "y", "z"]).filter(|_| !usual.corners) else { return };
-        if [x, y, z].iter().any(|(_, of)| **of != ScalarType::Float) {
-            return;
-        }
-        let [x, y, z] = [x, y, z].map(|(at, _)| at);
-        while points.len() < count && self.pieces.fill().is_some() {
-            let (rest, before) = (self.pieces.rest(), points.len());
-            let here = (rest.len() / usual.size).min(count - before);
-            for bytes in rest.chunks_exact(usual.size).take(here) {
-                let [x, y, z] = [x, y, z].map(|at| bytes[at..].first_chunk().map(|it| f32::from_le_bytes(*it)));
-                let (Some(x), Some(y), Some(z)) = (x, y, z) else { break };
-                let point = Vec3::new(x, y, z);
-                if !point.is_finite() {
-                    break;
-                }
-                points.push(point);
-            }
-            let read = points.len() - before;
-            if let Some(colour) = usual.colour {
-                tints.extend(rest.chunks_exact(usual.size).take(read).map(|bytes| channels(bytes, colour)));
-            }
-            let left = rest.len() - read * usual.size;
-            self.pieces.leave(left);
-            if read < here || read == 0 {
-                return;
-            }
-        }
-    }
-
-    /// Reads faces up to `count`, some of which have been read, stopping at one that is unusual or not all at hand.
-    fn usual_faces(
-        &mut self,
-        usual: &Usual<'_>,
-        vertices: usize,
-        (read, count): (&mut usize, usize),
-        mesh: &mut Mesh,
-        fans: &mut Vec<Fan>,
-    ) {
-        // A negative index is out of range, too.
-        let end = vertices.min(1 << 31) as u32;
-        let index = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
-        let mut corners = Vec::new();
-        while usual.corners && *read < count && self.pieces.fill().is_some() {
-            let mut rest = self.pieces.rest();
-            let before = *read;
-            while *read < count {
-                let mut after = rest;
-                let Some(indices) =
-                    after.split_off_first().and_then(|count| after.split_off(..4 * usize::from(*count)))
-                else {
-                    break;
-                };
-                let Some(numbers) = after.split_off(..usual.size) else { break };
-                match indices.as_chunks().0 {
-                    [a, b, c] if index(a).max(index(b)).max(index(c)) < end => {
-                        mesh.triangles.push([a, b, c].map(index));
-                    }
-                    indices @ [_, _, _, _, ..] => {
-                        corners.clear();
-                        corners.extend(indices.iter().map(index));
-                        if corners.iter().any(|corner| *corner >= end) {
-                            break;
-                        }
-                        mesh.push_face(*read + 1, &corners, fans);
-                    }
-                    _ => break,
-                }
-                if let Some(colour) = usual.colour {
-                    mesh.paint_to(mesh.triangles.len(), channels(numbers, colour));
-                }
-                (rest, *read) = (after, *read + 1);
-            }
-            let left = rest.len();
-            self.pieces.leave(left);
-            if *read == before {
-                return;
-            }
-        }
-    }
-}
-
-/// The place of a number among the bytes of its element, and its type.
-type Place<'a> = (usize, &'a ScalarType);
-
-/// Elements of the usual kind, little-endian: numbers, after the corners if it is a face.
-struct Usual<'a> {
-    corners: bool,
-    numbers: Vec<(&'a str, Place<'a>)>,
-    /// Bytes of all the numbers.
-    size: usize,
-    colour: Option<[Place<'a>; 3]>,
-}
-
-impl<'a> Usual<'a> {
-    /// None if they are not.
-    fn of(element: &'a ElementDef, encoding: Encoding) -> Option<Self> {
-        let mut usual = Usual { corners: false, numbers: Vec::new(), size: 0, colour: None };
-        for (i, (name, property)) in element.properties.iter().enumerate() {
-            match &property.data_type {
-                PropertyType::Scalar(scalar) => {
-                    usual.numbers.push((name, (usual.size, scalar)));
-                    usual.size += least_bytes(&property.data_type);
-                }
-                PropertyType::List(ScalarType::UChar, ScalarType::Int | ScalarType::UInt)
-                    if i == 0 && is_corners(name) =>
-                {
-                    usual.corners = true;
-                }
-                PropertyType::List(..) => return None,
-            }
-        }
-        usual.colour = colour_of(element).and_then(|names| usual.places(names));
-        (encoding == Encoding::BinaryLittleEndian).then_some(usual)
-    }
-
-    fn places(&self, names: [&str; 3]) -> Option<[Place<'a>; 3]> {
-        let [a, b, c] = names.map(|name| self.numbers.iter().find(|(of, _)| *of == name).map(|(_, place)| *place));
-        Some([a?, b?, c?])
-    }
-}
-
-/// The first bytes of an element that has as many.
-fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
-    *bytes.first_chunk().expect("the element has them")
-}
-
-/// The colour whose channels are at these places.
-fn channels(bytes: &[u8], places: [Place<'_>; 3]) -> Vec3 {
-    Vec3::from(places.map(|(at, scalar)| {
-        let bytes = &bytes[at..];
-        channel(&match scalar {
-            ScalarType::UChar => Property::UChar(bytes[0]),
-            ScalarType::UShort => Property::UShort(u16::from_le_bytes(first(bytes))),
-            ScalarType::Float => Property::Float(f32::from_le_bytes(first(bytes))),
-            _ => Property::Double(f64::from_le_bytes(first(bytes))),
-        })
-    }))
 }
 
 impl Mesh {
