@@ -7,7 +7,6 @@ pub mod families;
 mod log;
 pub mod mesh;
 mod misfit;
-mod number;
 #[cfg(feature = "files")]
 mod open;
 mod opened;

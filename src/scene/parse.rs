@@ -7,9 +7,8 @@ use glam::{DVec3, Vec3};
 
 use super::log::Log;
 use super::misfit::{List, first_misfit};
-use super::number;
 use super::opened::{NoArea, Opened};
-use super::token::{FILM, Kind, is_space, next_token};
+use super::token::{FILM, Kind, next_token};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
 
@@ -206,33 +205,11 @@ impl<'a> Parser<'a, '_> {
 
     /// A number rounded to f32; an invalid one is replaced by 1.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
-        if let Some(number) = self.usual(rule) {
-            return Ok(number);
-        }
         let token = self.wanted(field, rule.expected())?;
         rule.check(token).or_else(|Problem { what, help }| {
             let help = help.map(str::to_owned);
             self.log.note(self.last.clone(), format_args!("{field} {what}"), rule.expected(), help);
             Ok(1.0)
-        })
-    }
-
-    /// The next token as a number that is as required, if white space ends it: nearly all numbers of a file. If it is
-    /// none, nothing has been read.
-    fn usual(&mut self, rule: Rule) -> Option<f32> {
-        let text = &self.text.as_bytes()[self.at..];
-        let start = text.iter().position(|byte| !is_space(*byte))?;
-        let (number, rest) = number::number(&text[start..])?;
-        let fits = match rule {
-            Rule::Any => true,
-            Rule::NotNegative => number >= 0.0,
-            Rule::Positive => number > 0.0,
-        };
-        (fits && is_space(*rest.first()?)).then(|| {
-            self.last = self.at + start..self.text.len() - rest.len();
-            self.at = self.last.end;
-            self.tokens += 1;
-            rule.of_zero(number)
         })
     }
 
@@ -328,13 +305,10 @@ impl Rule {
                 problem("rounds to 0", Some("numbers are held as f32: the smallest above 0 is 1e-45"))
             }
             Rule::Positive if zero => problem("is 0", None),
-            _ => Ok(self.of_zero(number)),
+            // -0 becomes +0.
+            Rule::NotNegative => Ok(number + 0.0),
+            _ => Ok(number),
         }
-    }
-
-    /// A number that is as required: where none may be negative, -0 becomes +0.
-    fn of_zero(self, number: f32) -> f32 {
-        if matches!(self, Rule::NotNegative) { number + 0.0 } else { number }
     }
 }
 

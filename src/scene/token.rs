@@ -18,7 +18,7 @@ pub(super) struct Kind {
 
 /// The first token at or after a place.
 pub(super) fn next_token(bytes: &[u8], mut at: usize) -> Option<Range<usize>> {
-    let comment = |at: usize| bytes[at] == b'#' || bytes[at..].starts_with(b"//");
+    let comment = |at: usize| bytes[at] == b'#' || bytes[at] == b'/' && bytes.get(at + 1) == Some(&b'/');
     while at < bytes.len() {
         if is_space(bytes[at]) {
             at += 1;

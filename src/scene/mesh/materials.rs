@@ -8,7 +8,6 @@ use glam::Vec3;
 use super::Mesh;
 use crate::scene::diagnostic::printable;
 use crate::scene::log::BYTE_ORDER_MARK;
-use crate::scene::number::number;
 use crate::scene::open;
 
 /// The longest file of materials that is read, in bytes.
@@ -34,11 +33,13 @@ struct Material {
 /// The three numbers at the start of a text, if they are a colour.
 pub(super) fn colour(text: &[u8]) -> Option<Vec3> {
     let mut words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-    let mut channel = || {
-        let (value, rest) = number(words.next()?)?;
-        (rest.is_empty() && value >= 0.0).then_some(value)
-    };
+    let mut channel = || number(words.next()?).filter(|value| *value >= 0.0);
     Some(Vec3::new(channel()?, channel()?, channel()?))
+}
+
+/// A finite number, rounded to f32.
+fn number(word: &[u8]) -> Option<f32> {
+    str::from_utf8(word).ok()?.parse().ok().filter(|value: &f32| value.is_finite())
 }
 
 impl Mesh {
@@ -135,7 +136,7 @@ fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> b
         let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
         let (word, rest) = line.split_at(end);
         let rest = rest.trim_ascii();
-        let share = || number(rest).map(|(value, _)| value);
+        let share = || number(rest.split(u8::is_ascii_whitespace).next()?);
         match word {
             b"newmtl" => {
                 known.extend(begun.replace(rest.to_vec()).map(|name| (name, std::mem::take(&mut material))));
