@@ -160,7 +160,7 @@ pub fn run(
                     let (faults, cpu) = (sys::page_faults(), sys::thread_cpu_time());
                     let ticks = clock.time(&mut || {
                         let out = match &mut fresh {
-                            Some(fresh) => FilmMut::F32x4(fresh),
+                            Some(fresh) => FilmMut::F32x4(fresh.as_mut_slice()),
                             None => film.as_mut(),
                         };
                         tracer.rows(0..height, out);

@@ -1,9 +1,10 @@
 //! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning and pages.
 
 use std::io;
-use std::ops::{Deref, DerefMut};
-use std::ptr::NonNull;
+#[cfg(feature = "lab")]
+use std::marker::PhantomData;
 
+#[cfg(feature = "lab")]
 use super::types::Plain;
 
 /// The time-stamp counter before timed work: everything earlier is done, nothing later has begun.
@@ -352,92 +353,26 @@ pub fn multiply_in_chain(rounds: u32) {
 pub fn multiply_in_chain(_rounds: u32) {}
 
 /// A slice in untouched pages: the first write to each is a page fault.
+#[cfg(feature = "lab")]
 pub struct Fresh<T: Plain> {
-    first: NonNull<T>,
-    len: usize,
+    pages: memmap2::MmapMut,
+    of: PhantomData<T>,
 }
 
+#[cfg(feature = "lab")]
 impl<T: Plain> Fresh<T> {
     /// Memory for `len` values, at least 1, all bits 0.
     pub fn new(len: usize) -> io::Result<Self> {
         let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
-        let first = pages::map(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?.cast::<T>();
-        assert!(first.is_aligned(), "a page is aligned for every plain type");
-        Ok(Fresh { first, len })
-    }
-}
-
-impl<T: Plain> Deref for Fresh<T> {
-    type Target = [T];
-    fn deref(&self) -> &[T] {
-        // SAFETY: new() mapped `len` aligned values, whose bits are 0 until written: any bits are a value of a plain
-        // type. They live as long as self.
-        unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
-    }
-}
-
-impl<T: Plain> DerefMut for Fresh<T> {
-    fn deref_mut(&mut self) -> &mut [T] {
-        // SAFETY: as in deref, and self is borrowed alone.
-        unsafe { std::slice::from_raw_parts_mut(self.first.as_ptr(), self.len) }
-    }
-}
-
-impl<T: Plain> Drop for Fresh<T> {
-    fn drop(&mut self) {
-        // SAFETY: the mapping that new() made, whole, and nothing borrows from it any more.
-        unsafe { pages::unmap(self.first.cast(), self.len * size_of::<T>()) };
-    }
-}
-
-/// Pages mapped from the operating system.
-#[cfg(unix)]
-mod pages {
-    use std::ffi::c_void;
-    use std::io;
-    use std::ptr::{NonNull, null_mut};
-
-    pub fn map(bytes: usize) -> io::Result<NonNull<c_void>> {
-        let (access, flags) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
-        // SAFETY: a new mapping at no given address takes nothing from anybody.
-        let mapping = unsafe { libc::mmap(null_mut(), bytes, access, flags, -1, 0) };
-        NonNull::new(mapping).filter(|_| mapping != libc::MAP_FAILED).ok_or_else(io::Error::last_os_error)
+        let pages = memmap2::MmapMut::map_anon(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?;
+        Ok(Fresh { pages, of: PhantomData })
     }
 
-    /// # Safety
-    /// The result of [`map`], with its length, of which nothing is used any more.
-    pub unsafe fn unmap(first: NonNull<c_void>, bytes: usize) {
-        // SAFETY: by the contract.
-        unsafe { libc::munmap(first.as_ptr(), bytes) };
-    }
-}
-
-#[cfg(windows)]
-mod pages {
-    use std::ffi::c_void;
-    use std::io;
-    use std::ptr::{NonNull, null_mut};
-
-    #[link(name = "kernel32")]
-    unsafe extern "system" {
-        fn VirtualAlloc(address: *mut c_void, bytes: usize, how: u32, access: u32) -> *mut c_void;
-        fn VirtualFree(address: *mut c_void, bytes: usize, how: u32) -> i32;
-    }
-    const COMMIT_AND_RESERVE: u32 = 0x1000 | 0x2000;
-    const READ_WRITE: u32 = 0x04;
-    /// The whole of it: the length is then 0.
-    const RELEASE: u32 = 0x8000;
-
-    pub fn map(bytes: usize) -> io::Result<NonNull<c_void>> {
-        // SAFETY: new pages at no given address take nothing from anybody.
-        let mapping = unsafe { VirtualAlloc(null_mut(), bytes, COMMIT_AND_RESERVE, READ_WRITE) };
-        NonNull::new(mapping).ok_or_else(io::Error::last_os_error)
-    }
-
-    /// # Safety
-    /// The result of [`map`], of which nothing is used any more.
-    pub unsafe fn unmap(first: NonNull<c_void>, _: usize) {
-        // SAFETY: by the contract.
-        unsafe { VirtualFree(first.as_ptr(), 0, RELEASE) };
+    /// The values.
+    pub fn as_mut_slice(&mut self) -> &mut [T] {
+        // SAFETY: any bits are a value of a plain type.
+        let (before, values, after) = unsafe { self.pages.align_to_mut() };
+        assert!(before.is_empty() && after.is_empty(), "pages are aligned for every plain type");
+        values
     }
 }

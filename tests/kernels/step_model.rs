@@ -1,4 +1,4 @@
-//! The model of instructions against the CPU: every instruction of every kernel is known, and gives every bit.
+//! The model of instructions against the CPU: every instruction of every kernel is known, and gives every bit that it makes of vectors.
 
 #[allow(dead_code)] // its kernels of rows are not called alone here
 use std::collections::BTreeMap;
