@@ -54,7 +54,7 @@ use self::party::Party;
 use crate::kernels::sys::{has_small_stack, is_standard_output_open};
 use crate::kernels::{Isa, memory};
 use crate::render::{RenderError, remove_unfinished};
-use crate::scene::{is_unseen, shown};
+use crate::scene::{brief, is_unseen, shown};
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
@@ -164,7 +164,7 @@ fn run() -> ExitCode {
     let arguments = match Cli::try_parse() {
         Ok(arguments) => arguments,
         Err(_) if !party.leads() => return ExitCode::SUCCESS,
-        Err(other) => return help_or_usage(&other),
+        Err(other) => return help_or_usage(&in_print().unwrap_or(other)),
     };
     let result = match arguments.command {
         Command::Render(args) => render::run(&args, &party),
@@ -177,6 +177,11 @@ fn run() -> ExitCode {
         Command::Info(args) => info::run(&args),
     };
     result.unwrap_or_else(|failure| failure.tell())
+}
+
+/// What `clap` has to say of the arguments, which it repeats, if they were safe to print.
+fn in_print() -> Option<clap::Error> {
+    Cli::try_parse_from(std::env::args_os().map(|argument| brief(&argument.to_string_lossy()))).err()
 }
 
 /// Help and versions are results; everything else that is no command is bad usage.

@@ -15,6 +15,7 @@ use crate::experiments::ops::{self, IMPLEMENTATIONS, IMPLEMENTATIONS_OF_LIT, LIT
 use crate::experiments::svg::Screen;
 use crate::measure::Machine;
 use crate::measure::instructions::functions;
+use crate::scene::brief;
 
 /// Count the instructions of every operation, and measure their cycles: the paper's section 4
 ///
@@ -136,7 +137,7 @@ fn implementations(ops: &[String], engines: &[String]) -> Result<Vec<String>, Fa
             } else {
                 format!("the rows of a sphere, {LIT}; there are: {list}")
             };
-            return Err(Failure::input(format!("there is no implementation `{engine}` of {of}")));
+            return Err(Failure::input(format!("there is no implementation `{}` of {of}", brief(engine))));
         }
     }
     Ok(wanted)

@@ -17,7 +17,7 @@ use crate::experiments::stability::limits::{self, Limits};
 use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot};
 use crate::render::{Engine, EngineError};
 use crate::scene::families::{FAMILIES, family};
-use crate::scene::{shown, text_within};
+use crate::scene::{brief, shown, text_within};
 
 /// Sweep stiff (ill-conditioned) and extreme scenes over their whole ranges, and hold every engine to its limits
 ///
@@ -125,7 +125,7 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
     if let Some(name) = &args.family {
         let family = family(name).ok_or_else(|| {
             let ids: Vec<_> = FAMILIES.iter().map(|family| family.id).collect();
-            Failure::input(format!("there is no family `{name}`; there are: {}", ids.join(", ")))
+            Failure::input(format!("there is no family `{}`; there are: {}", brief(name), ids.join(", ")))
         })?;
         if let Some(case) = args.case.filter(|case| *case >= family.cases()) {
             let last = family.cases() - 1;

@@ -15,6 +15,7 @@ use crate::measure::instructions::{Code, Function, Instruction, Mix, functions};
 use crate::measure::source::{Origin, Unit};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
+use crate::scene::brief;
 pub use model::Model;
 use subjects::Subject;
 
@@ -246,7 +247,7 @@ pub fn kernel(symbol: &str) -> Result<Kernel, String> {
             let mut near: Vec<_> = functions.iter().map(|function| function.symbol.as_str()).collect();
             near.sort_by_cached_key(|known| strsim::damerau_levenshtein(known, symbol));
             near.truncate(3);
-            let near = near.join(", ");
+            let (near, symbol) = (near.join(", "), brief(symbol));
             Err(format!("there is no kernel `{symbol}`; the nearest are {near}: `rayo ops --kernels` lists all"))
         }
     }
@@ -276,7 +277,7 @@ const FRAME_WORK: usize = 25;
 pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, String> {
     let every = || OPS.into_iter().chain([LIT]);
     if let Some(op) = options.wanted.iter().find(|wanted| every().all(|op| op != *wanted)) {
-        let list = OPS.join(", ");
+        let (op, list) = (brief(op), OPS.join(", "));
         return Err(format!("there is no operation `{op}`; there are: {list}; and {LIT}, the rows of a sphere"));
     }
     let mut executed_unavailable = None;

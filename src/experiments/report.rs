@@ -18,7 +18,7 @@ use super::threads::OnThreads;
 use crate::measure::Machine;
 use crate::measure::Name;
 use crate::plan::{Kept, Report as PlanReport, Switch};
-use crate::scene::{shown, text_within};
+use crate::scene::{brief, shown, text_within};
 
 /// The schema of the documents that this program writes and reads.
 pub const SCHEMA: u64 = 1;
@@ -149,7 +149,7 @@ pub enum ReadError {
     Nothing(PathBuf),
     #[error("cannot read {}: {error}", shown(path))]
     Io { path: PathBuf, error: io::Error },
-    #[error("{} is cut short, or no results: {error}", shown(path))]
+    #[error("{} is cut short, or no results: {}", shown(path), brief(&error.to_string()))]
     Json { path: PathBuf, error: serde_json::Error },
     /// A document that lacks something that every run has.
     #[error("{} is not whole: {what}", shown(path))]
@@ -157,7 +157,7 @@ pub enum ReadError {
     /// A document of another schema.
     #[error(
         "{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it",
-        shown(path)
+        shown(path), found = brief(found)
     )]
     Schema { path: PathBuf, found: String },
     /// Documents of two machines.

@@ -35,14 +35,19 @@ pub fn try_reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), TryReserve
 }
 
 /// Puts the program's heap on large pages, as far as the system has them, and keeps what is freed. The first touch of a small
-/// page takes a microsecond or two, which for a mesh of 69,000 triangles was half of set-up. Only a hint.
+/// page takes a microsecond or two, which for a mesh of 69,000 triangles was half of set-up. Only a hint, and returns whether it
+/// was followed: not where other threads run, since two that move the heap's end at once could give one's memory back.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-pub fn use_large_pages() {
+pub fn use_large_pages() -> bool {
+    if std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count) != 1 {
+        return false;
+    }
     use libc::{M_ARENA_MAX, M_MMAP_THRESHOLD, M_TOP_PAD, M_TRIM_THRESHOLD};
     let options = [(M_MMAP_THRESHOLD, 4 << 20), (M_TRIM_THRESHOLD, 64 << 20), (M_TOP_PAD, 16 << 20), (M_ARENA_MAX, 1)];
     // What malloc writes when the heap grows is to be before the first large page, or that would be made of small ones.
     let before = 256 << 10;
-    // SAFETY: the options choose where memory comes from, a gap in the heap is room lost, and the size of pages changes no content.
+    // SAFETY: the options choose where memory comes from, a gap in the heap is room lost, and the size of pages changes no
+    // content. Nobody else moves the end, since this thread is alone.
     unsafe {
         options.into_iter().for_each(|(option, value)| _ = libc::mallopt(option, value));
         let end = libc::sbrk(0).addr();
@@ -52,6 +57,7 @@ pub fn use_large_pages() {
         let bytes = libc::sbrk(0).addr().saturating_sub(first);
         libc::madvise(std::ptr::without_provenance_mut(first), bytes, libc::MADV_HUGEPAGE);
     }
+    true
 }
 
 /// The allocated memory; ends the process if there is none and the thread does not handle that.

@@ -7,7 +7,7 @@ use super::plan::Plan;
 use super::{PixelFormat, Tracer};
 use crate::kernels::{self, Isa, PacketKernels};
 use crate::plan::{Keep, Omission};
-use crate::scene::{InvalidScene, Scene};
+use crate::scene::{InvalidScene, Scene, brief};
 
 /// The implementation that computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,7 +57,8 @@ pub enum Precision {
 pub enum EngineError {
     /// No engine of that name in this build.
     #[error(
-        "there is no engine `{name}`{}{}; this build has: {}",
+        "there is no engine `{}`{}{}; this build has: {}",
+        brief(name),
         if *known { " in this build" } else { "" },
         near.map_or_else(String::new, |near| format!(", did you mean `{near}`?")),
         available()
@@ -74,13 +75,14 @@ pub enum EngineError {
     #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = available())]
     Unusable(Engine),
     /// No precision of that name.
-    #[error("there is no precision `{0}`; there are: single, fast, double")]
+    #[error("there is no precision `{}`; there are: single, fast, double", brief(.0))]
     UnknownPrecision(String),
     /// The engine does not have that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
     /// The engine has no shadows, and the scene has.
-    #[error("the engine `{0}` has no shadows, as in the paper: leave them out or ask one of {has}", has = with_shadows())]
+    #[error("the engine `{0}` has no shadows, as in the paper: leave them out or ask one of {has}",
+        has = usable_engines(Engine::has_shadows))]
     NoShadows(Engine),
     /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
@@ -89,13 +91,12 @@ pub enum EngineError {
 
 /// The engines that can be used here, in words.
 fn available() -> String {
-    let names: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
-    names.join(", ") + ", auto"
+    usable_engines(|_| true) + ", auto"
 }
 
-/// The engines that have shadows and can be used here, in words.
-fn with_shadows() -> String {
-    let engines = Engine::ALL.iter().filter(|engine| engine.has_shadows() && engine.usable());
+/// Those of them that are wanted.
+fn usable_engines(is_wanted: fn(Engine) -> bool) -> String {
+    let engines = Engine::ALL.iter().filter(|engine| engine.usable() && is_wanted(**engine));
     engines.map(|engine| engine.name()).collect::<Vec<_>>().join(", ")
 }
 

@@ -267,6 +267,16 @@ pub(crate) fn printable(text: &str) -> String {
     text.chars().map(spell).collect()
 }
 
+/// Words that may repeat a file's or a user's, made safe so that they neither control a terminal nor fill it. Their end may
+/// say the place.
+pub(crate) fn brief(text: &str) -> String {
+    const SHOWN: [usize; 2] = [240, 60];
+    match (text.char_indices().nth(SHOWN[0]), text.char_indices().nth_back(SHOWN[1])) {
+        (Some((end, _)), Some((start, _))) if end < start => printable(&text[..end]) + CUT + &printable(&text[start..]),
+        _ => printable(text),
+    }
+}
+
 /// Whether a character shows nothing itself, but may change what a terminal shows of others: Unicode's controls, formats
 /// (as those that turn the direction of writing), and ends of lines and paragraphs.
 pub(crate) fn is_unseen(c: char) -> bool {

@@ -24,6 +24,7 @@ mod write;
 mod write_toml;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
+pub(crate) use diagnostic::brief;
 #[cfg(feature = "render")]
 pub(crate) use diagnostic::is_unseen;
 pub use diagnostic::{Diagnostic, SceneError};

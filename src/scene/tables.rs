@@ -373,7 +373,7 @@ impl Reader<'_> {
             if keys.contains(&word) {
                 continue;
             }
-            let message = format!("{} has no key `{}`", fields.owner, super::diagnostic::printable(word));
+            let message = format!("{} has no key `{}`", fields.owner, super::diagnostic::brief(word));
             let near = keys.iter().map(|known| (strsim::damerau_levenshtein(known, word), known)).min();
             self.note(key.span(), &message, &one_of(keys));
             if let (Some((1 | 2, known)), Some(note)) = (near, self.notes.last_mut()) {

@@ -421,6 +421,11 @@ fn no_file_steers_the_terminal() {
     place.write(title, "P3 1 1 255 1 2 3");
     place.write("a\nb.stl", "solid");
     place.write("a\nb\u{1b} and a name that is long.in", SCENE);
+    let long = "x".repeat(100_000);
+    fs::create_dir(place.path("long")).unwrap();
+    place.write("long/results.json", &format!("{{\"schema\": \"{long}\"}}"));
+    place.write("long/key.toml", &format!("{long} = 1\n"));
+    place.write("long/a.obj", &format!("mtllib {long}\nusemtl x\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 2 3\n"));
     for arguments in [
         &["render", "scene.in", "--preview"][..],
         &["render", "a.in", "-o", "\u{1b}]0;.ppm"],
@@ -438,6 +443,21 @@ fn no_file_steers_the_terminal() {
         &["render", "a.in", "--engine", "\u{1b}"],
         &["\u{9b}2J"],
         &["render", "a.in", "--size", "\u{9b}2J"],
+        &["a\nb"],
+        &["render", "a.in", "--a\nb"],
+        &["render", "a.in", "--threads", "a\nb"],
+        &["render", "a.in", "--engine", "a\nb\u{1b}[31m"],
+        &["render", "a.in", "--precision", "a\nb"],
+        &["stability", "--family", "a\nb"],
+        &["ops", "--op", "a\nb"],
+        &["ops", "--kernel", "a\nb"],
+        &["ops", "--engine", "a\nb"],
+        &["step", "--op", "a\nb"],
+        &["render", "a.in", "--engine", &long],
+        &["render", "a.in", "--threads", &long],
+        &["report", "--from", "long"],
+        &["render", "long/key.toml"],
+        &["convert", "long/a.obj", "a.toml"],
     ] {
         let output = place.command().args(arguments).output().unwrap();
         let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
@@ -445,6 +465,7 @@ fn no_file_steers_the_terminal() {
         let control = |c: char| c.is_control() && c != '\n';
         assert_eq!(said.find(control), None, "{arguments:?}: {}", said.escape_debug());
         assert!(!said.contains("a\nb"), "{}", said.escape_debug());
+        assert!(said.len() < 50_000, "{} bytes of {arguments:?}", said.len());
     }
 }
 

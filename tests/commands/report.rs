@@ -86,6 +86,7 @@ fn check(page: &str) -> Html {
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids.len(), count, "an id is there twice");
+    assert_eq!(page.find(|c: char| c.is_control() && c != '\n'), None, "controls and formats are escaped");
     // For those who do not see: figures and pictures have words, tables heads, and the page a language.
     for figure in all(&html, "figure") {
         let plots = figure.select(&Selector::parse("[role=img][aria-label] > svg[viewBox]").unwrap()).count();
@@ -144,7 +145,7 @@ fn machines_stand_side_by_side() {
     let other = TempDir::new().unwrap();
     let document = fs::read_to_string(results().join("experiment/results.json")).unwrap();
     let mut document: serde_json::Value = serde_json::from_str(&document).unwrap();
-    document["machine"]["cpu"] = "Another CPU".into();
+    document["machine"]["cpu"] = "Another CPU\u{7}".into();
     document["machine"]["family"] = Value::Null;
     document["conditions"]["complete"] = false.into();
     fs::write(other.path().join("results.json"), document.to_string()).unwrap();
@@ -152,11 +153,11 @@ fn machines_stand_side_by_side() {
     let html = check(&page);
     let heads: Vec<_> = all(&html, "#factor thead th").iter().map(text).collect();
     assert_eq!(heads.len(), 3, "{heads:?}");
-    assert_eq!(heads[2], "2: Another CPU");
+    assert_eq!(heads[2], "2: Another CPU\\u{7}");
     assert_eq!(all(&html, "#factor tbody tr").len(), 9, "claims");
     // What was cut short is shown as that.
     let notes: Vec<_> = all(&html, "p.note").iter().map(text).collect();
-    assert!(notes.iter().any(|note| note == "Another CPU: ended before the end: experiment."), "{notes:?}");
+    assert!(notes.iter().any(|note| note == "Another CPU\\u{7}: ended before the end: experiment."), "{notes:?}");
 }
 
 #[test]

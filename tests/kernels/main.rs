@@ -15,6 +15,8 @@ mod kernel_cases;
 mod assembly;
 #[cfg(unix)]
 mod calling_convention;
+#[cfg(all(target_os = "linux", feature = "lab"))]
+mod counted;
 #[cfg(feature = "lab")]
 mod formats;
 #[cfg(feature = "lab")]

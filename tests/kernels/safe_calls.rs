@@ -124,3 +124,9 @@ fn what_no_memory_has_is_refused_before_it_is_touched() {
         attack(kernels, &kernels.double);
     }
 }
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[test]
+fn the_end_of_the_heap_is_not_moved_beside_other_threads() {
+    std::thread::scope(|scope| assert!(!scope.spawn(rayo::kernels::memory::use_large_pages).join().unwrap()));
+}

@@ -20,6 +20,7 @@ use crate::experiments::report::{Results, Stage};
 use crate::experiments::svg::{PlotError, Screen};
 use crate::kernels::Isa;
 use crate::measure::Machine;
+use crate::scene::printable;
 
 const STYLE: &str = include_str!("page.css");
 /// The most pictures of a set to flip through.
@@ -85,7 +86,8 @@ pub fn page(machines: &[Results]) -> Result<String, Failure> {
             }
         }
     };
-    Ok(page.into_string())
+    // Results from elsewhere may have characters that no page may.
+    Ok(page.into_string().lines().map(|line| printable(line) + "\n").collect())
 }
 
 fn of_one(results: &Results) -> Result<Vec<Section>, Failure> {

@@ -3,6 +3,7 @@
 use super::WatchError;
 use crate::kernels::{self, Isa, OpRef, PacketOp, Vec4};
 use crate::render::Engine;
+use crate::scene::brief;
 
 /// More than any operation executes.
 pub const MOST: usize = 1000;
@@ -27,7 +28,8 @@ impl Operation {
         let Some(op) = ops.clone().find(|op| op.name == name) else {
             let list = ops.map(|op| op.name).collect::<Vec<_>>().join(", ");
             return error(format!(
-                "there is no operation `{name}` on vectors alone; there are: {list}; what takes objects is seen with a scene"
+                "there is no operation `{}` on vectors alone; there are: {list}; what takes objects is seen with a scene",
+                brief(name)
             ));
         };
         let Ok(a) = <[f32; 3]>::try_from(a) else {

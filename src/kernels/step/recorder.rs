@@ -222,35 +222,27 @@ impl Moments {
 
 /// The general registers of a context, by their numbers in instructions.
 fn general(context: &libc::ucontext_t) -> [u64; 16] {
-    const ORDER: [libc::c_int; 16] = [
-        libc::REG_RAX,
-        libc::REG_RCX,
-        libc::REG_RDX,
-        libc::REG_RBX,
-        libc::REG_RSP,
-        libc::REG_RBP,
-        libc::REG_RSI,
-        libc::REG_RDI,
-        libc::REG_R8,
-        libc::REG_R9,
-        libc::REG_R10,
-        libc::REG_R11,
-        libc::REG_R12,
-        libc::REG_R13,
-        libc::REG_R14,
-        libc::REG_R15,
-    ];
+    const ORDER: [libc::c_int; 16] = {
+        use libc::*;
+        [
+            REG_RAX, REG_RCX, REG_RDX, REG_RBX, REG_RSP, REG_RBP, REG_RSI, REG_RDI, REG_R8, REG_R9, REG_R10, REG_R11,
+            REG_R12, REG_R13, REG_R14, REG_R15,
+        ]
+    };
     ORDER.map(|register| context.uc_mcontext.gregs[register as usize] as u64)
 }
 
 /// The address and length of an instruction's memory operand.
 fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize)> {
+    use Mnemonic::*;
     let stack = general[4];
     match instruction.mnemonic() {
         // These have an address, but do not access memory there.
-        Mnemonic::Lea | Mnemonic::Nop | Mnemonic::Prefetcht0 | Mnemonic::Prefetcht1 => return None,
-        Mnemonic::Push | Mnemonic::Call => return Some((stack.wrapping_sub(WORD as u64), WORD)),
-        Mnemonic::Pop | Mnemonic::Ret => return Some((stack, WORD)),
+        Lea | Nop | Prefetch | Prefetchnta | Prefetcht0 | Prefetcht1 | Prefetcht2 | Prefetchw | Prefetchwt1 => {
+            return None;
+        }
+        Push | Call => return Some((stack.wrapping_sub(WORD as u64), WORD)),
+        Pop | Ret => return Some((stack, WORD)),
         _ => {}
     }
     let operand = (0..instruction.op_count()).find(|&index| instruction.op_kind(index) == OpKind::Memory)?;

@@ -7,6 +7,7 @@ use super::{DEFLATE_EXPANSION, ImageError};
 use crate::kernels::Plain;
 use crate::kernels::memory::try_reserve;
 use crate::measure::picture::{Picture, Pixels};
+use crate::scene::brief;
 use image::codecs::{hdr::HdrDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder};
 use image::error::{DecodingError, ImageFormatHint, UnsupportedError, UnsupportedErrorKind};
 use image::{ColorType, ImageDecoder, ImageFormat, Limits};
@@ -380,18 +381,11 @@ fn malformed(path: &Path, error: image::ImageError) -> ImageError {
         image::ImageError::Unsupported(error)
             if matches!(error.format_hint(), ImageFormatHint::Exact(ImageFormat::OpenExr | ImageFormat::Tiff)) =>
         {
-            return ImageError::OtherKind { path: path.into(), what: printable(&error.to_string()) };
+            return ImageError::OtherKind { path: path.into(), what: brief(&error.to_string()) };
         }
-        error => printable(&error.to_string()),
+        error => brief(&error.to_string()),
     };
     ImageError::Malformed { path: path.into(), what }
-}
-
-/// A decoder's words, which may repeat the file's, made safe so that they neither control a terminal nor fill it.
-fn printable(text: &str) -> String {
-    const LONGEST: usize = 300;
-    let (end, cut) = text.char_indices().nth(LONGEST).map_or((text.len(), ""), |(end, _)| (end, "..."));
-    crate::scene::printable(&text[..end]) + cut
 }
 
 #[cfg(test)]

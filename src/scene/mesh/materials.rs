@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::Mesh;
-use crate::scene::diagnostic::printable;
+use crate::scene::diagnostic::brief;
 use crate::scene::log::BYTE_ORDER_MARK;
 use crate::scene::open;
 
@@ -93,7 +93,7 @@ impl Materials {
                 || words().count() > 1 && words().all(|name| read(name, folder, &mut known));
             all_are_read &= are_read;
             if !are_read {
-                let name = printable(&String::from_utf8_lossy(library));
+                let name = brief(&String::from_utf8_lossy(library));
                 mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read"));
             }
         }
