@@ -20,6 +20,8 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
             entries.push((shape(&point.scene), GREY, label));
         }
     }
+    let slopes = roofs.iter().map(|roof| format!("{}: {:.1} bytes a cycle", roof.level, roof.bytes_per_cycle));
+    entries.extend(slopes.map(|label| (Mark::Line, GREY, label)));
     let highest = peaks.iter().map(|peak| peak.flops_per_cycle).fold(1.0, f64::max);
     let lowest = points.iter().map(|point| at(point).1).fold(highest, f64::min).min(1.0);
     let x = around(points.iter().map(|point| at(point).0).chain([0.1, 100.0]), (0.7, 1.5));
@@ -40,8 +42,6 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
             let slope = roof.bytes_per_cycle;
             let end = (highest / slope).min(x.end);
             series.push(Series::line([(x.start, slope * x.start), (end, slope * end)], GREY, 1));
-            let at = (0.75 * lowest / slope).max(x.start);
-            names.push((format!("{}: {slope:.1} bytes", roof.level), (at, 0.8 * slope * at)));
         }
         for point in points {
             let mark = Some((shape(&point.scene), 6));
