@@ -220,15 +220,3 @@ ENDFUNC
 FUNC broken_upper
     vpcmpeqd ymm15, ymm15, ymm15
 ENDFUNC
-
-; unsafe extern "sysv64" fn(out: *mut Vec4, a: *const Vec4, b: *const Vec4): reads one vector too many.
-FUNC broken_read
-    movaps  xmm0, [rsi + Vec4_size]
-    movaps  [rdi], xmm0
-ENDFUNC
-
-; The same signature: writes one vector too many.
-FUNC broken_write
-    movaps  xmm0, [rsi]
-    movaps  [rdi + Vec4_size], xmm0
-ENDFUNC

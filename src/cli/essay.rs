@@ -36,12 +36,6 @@ pub(super) fn filled(prose: &str, figure: impl Fn(&str) -> String) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_part_ends_where_the_next_begins() {
-        let prose = "<!-- part: one -->\nA {b} c.\n\n<!-- part: two -->\nD\n";
-        assert_eq!(["one", "two"].map(|name| super::part(prose, name)), ["A {b} c.\n\n", "D\n"]);
-    }
-
-    #[test]
     fn figures_go_in_place_of_what_they_are() {
         assert_eq!(super::filled("A {b} {c d}.", |what| what.repeat(2)), "A bb c dc d.");
     }

@@ -154,18 +154,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn some_rows_are_shown_as_large_as_they_fit_and_never_none() {
-        let of = |rows: Range<u32>| {
-            let (fitted, rows) = fit(&camera(1600, 1200), rows, (80, 24));
-            (fitted.width(), fitted.height(), rows)
-        };
-        assert_eq!(of(0..600), (80, 60, 0..30));
-        assert_eq!(of(600..1200), (80, 60, 30..60));
-        assert_eq!(of(1199..1200), (80, 60, 59..60));
-        assert_eq!(of(5..6), (80, 60, 0..1));
-    }
-
     const WHITE: [u8; 3] = [255; 3];
     const BLACK: [u8; 3] = [0; 3];
 

@@ -8,9 +8,7 @@ use std::panic::{self, AssertUnwindSafe};
 use super::checked::{Fault, vector_bytes};
 use super::kernel::{Kernel, kernel};
 pub use super::kernel::{checked, faults, without_denormals};
-use super::paper::Op;
 pub use super::portable::{lanes, packets as portable_packets};
-use super::types::Vec4;
 
 /// A kernel without arguments that breaks one rule on purpose.
 pub struct Broken {
@@ -55,22 +53,6 @@ broken! {
     "rayo_broken_direction" breaks Direction;
     "rayo_broken_mxcsr" breaks Mxcsr;
     "rayo_broken_upper" breaks Upper;
-}
-
-/// An operation that reads one vector past `a`.
-///
-/// # Safety
-/// Only for a call that is expected to fault, in a process of its own: no memory may follow `a`.
-pub unsafe fn broken_read() -> Op<Vec4, Vec4, Vec4> {
-    kernel!("rayo_broken_read")
-}
-
-/// An operation that writes one vector past `out`.
-///
-/// # Safety
-/// Only for a call that is expected to fault, in a process of its own: no memory may follow `out`.
-pub unsafe fn broken_write() -> Op<Vec4, Vec4, Vec4> {
-    kernel!("rayo_broken_write")
 }
 
 /// A function without arguments, and its instruction counts.

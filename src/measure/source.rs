@@ -225,29 +225,3 @@ impl Table {
         })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::Unit;
-    use crate::kernels::Isa;
-    use crate::measure::instructions::Code;
-
-    #[test]
-    fn every_instruction_of_an_operation_has_its_line_and_its_macro() {
-        for isa in Isa::ALL {
-            let Some(unit) = Unit::of(isa) else { continue };
-            let symbol = format!("rayo_{isa}_single_cross3");
-            let (range, _) = unit.functions.iter().find(|(_, name)| *name == symbol).unwrap();
-            let code = Code::of_symbol(&symbol).unwrap();
-            let body = code.body.clone().unwrap();
-            for instruction in &code.instructions {
-                let address = unit.code.start + range.start + instruction.offset;
-                assert_eq!(unit.function(address), Some((&*symbol, unit.code.start + range.start)));
-                let line = unit.line(address).unwrap_or_else(|| panic!("{symbol}: {}", instruction.text));
-                let macros = unit.calls_of(line).into_iter().map(|call| unit.macros[unit.calls[call].of].name);
-                let within = macros.collect::<Vec<_>>().contains(&"CROSS3");
-                assert_eq!(within, body.contains(&instruction.offset), "{symbol}: {}", instruction.text);
-            }
-        }
-    }
-}

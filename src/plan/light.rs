@@ -34,27 +34,3 @@ pub fn reaches(centre: DVec3, to_light: DVec3) -> bool {
 pub fn is_in_f32(light: DVec3) -> bool {
     light.max_element() <= f64::from(f32::MAX) / 512.0
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::dvec3;
-
-    #[test]
-    fn a_light_behind_a_sphere_or_in_it_does_not_reach_what_is_seen_of_it() {
-        // The camera sees the points about (0, 0, -1) of a sphere two radii away: those within 60 degrees.
-        for (light, expected) in [
-            (dvec3(0.0, 0.0, -9.0), true),
-            (dvec3(0.0, 0.0, 9.0), false),
-            (dvec3(0.0, 0.0, -0.9), false),
-            (dvec3(9.0, 0.0, 0.0), true),
-            (dvec3(0.0, 0.0, 1e30), false),
-            // A distant light reaches them from up to 150 degrees.
-            (1e6 * dvec3(0.49, 0.0, 0.872), false),
-            (1e6 * dvec3(0.51, 0.0, 0.860), true),
-            (1e6 * dvec3(0.48, 0.0, 0.877), false),
-        ] {
-            assert_eq!(reaches(2.0 * DVec3::Z, light), expected, "{light}");
-        }
-    }
-}

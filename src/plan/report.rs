@@ -249,15 +249,3 @@ fn pixels(ends: Option<[f64; 2]>, grid: &Grid<f64>, side: u32) -> Range<u32> {
     let [first, last] = ends.unwrap_or([f64::NAN; 2]).map(|place| place / grid.step - 0.5);
     if first.is_nan() || last.is_nan() { 0..side } else { (first - 2.0) as u32..side.min((last + 3.0) as u32) }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::grouped;
-
-    #[test]
-    fn numbers_are_grouped_by_three_digits() {
-        for (number, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (12_345_678, "12,345,678")] {
-            assert_eq!(grouped(number, ','), text);
-        }
-    }
-}

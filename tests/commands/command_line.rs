@@ -508,16 +508,21 @@ fn what_is_read_is_not_replaced() {
 fn a_replaced_file_keeps_its_mode_and_a_link_stays() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
     let place = Place::new();
+    fs::create_dir(place.path("in")).unwrap();
     for mode in [0o600, 0o640, 0o666, 0o755] {
         place.write("a.png", "old");
         fs::set_permissions(place.path("a.png"), fs::Permissions::from_mode(mode)).unwrap();
         fs::hard_link(place.path("a.png"), place.path("other.png")).unwrap();
-        symlink("a.png", place.path("link.png")).unwrap();
+        // One link to another, both relative to where they are.
+        symlink("../a.png", place.path("in/one.png")).unwrap();
+        symlink("in/one.png", place.path("link.png")).unwrap();
         assert_eq!(place.run("render scene.in -o link.png").status, 0);
         assert_eq!(fs::metadata(place.path("a.png")).unwrap().mode() & 0o7777, mode);
-        assert!(is_png(&place.path("a.png")) && place.path("link.png").is_symlink());
+        assert!(is_png(&place.path("a.png")));
+        assert_eq!(fs::read_link(place.path("link.png")).unwrap(), Path::new("in/one.png"));
+        assert!(place.path("in/one.png").is_symlink() && !place.path("a.png").is_symlink());
         assert_eq!(fs::read_to_string(place.path("other.png")).unwrap(), "old");
-        ["link.png", "other.png"].iter().for_each(|name| fs::remove_file(place.path(name)).unwrap());
+        ["link.png", "in/one.png", "other.png"].iter().for_each(|name| fs::remove_file(place.path(name)).unwrap());
     }
 }
 

@@ -188,48 +188,6 @@ mod table {
     }
 
     #[test]
-    fn code_without_jumps_and_calls_executes_what_it_has() {
-        let report = count(None, true);
-        let mut straight = 0;
-        for row in &report.rows {
-            let Some(mix) = row.function_mix.as_ref().filter(|mix| mix.branch == 1 && !row.paths.is_empty()) else {
-                continue;
-            };
-            for path in &row.paths {
-                assert_eq!(path.executed, mix.instructions as u64, "{} {} {}", row.op, row.implementation, path.path);
-                assert_eq!(path.body, row.body.map(|body| body as u64), "{} {}", row.op, row.implementation);
-            }
-            straight += 1;
-        }
-        assert!(straight >= 30, "{straight}");
-    }
-
-    #[test]
-    fn a_path_that_leaves_early_executes_less() {
-        let report = count(Some("sphere"), true);
-        // Packets have masks in place of jumps.
-        let packets = ["sse41", "avx2", "avx512"];
-        for row in report.rows.iter().filter(|row| !row.paths.is_empty() && packets.contains(&&*row.implementation)) {
-            assert!(row.paths.iter().all(|path| path.executed == row.paths[0].executed), "{}", row.implementation);
-            assert_eq!(row.paths.len(), 5, "{}", row.implementation);
-        }
-        for row in report.rows.iter().filter(|row| !row.paths.is_empty() && !packets.contains(&&*row.implementation)) {
-            let path = |name| row.paths.iter().find(|path| path.path == name).unwrap().executed;
-            assert!(path("miss") < path("two roots"), "{}", row.implementation);
-            assert!(path("two roots") < path("behind"), "{}", row.implementation);
-            assert!(path("tangent") <= path("two roots"), "{}", row.implementation);
-        }
-        let report = count(Some("triangle"), true);
-        let row = report.rows.iter().find(|row| row.implementation == "paper").unwrap();
-        let path = |name| row.paths.iter().find(|path| path.path == name).unwrap().body.unwrap();
-        assert!(path("behind") < path("outside the first edge"));
-        assert!(path("outside the first edge") < path("outside the last edge"));
-        assert_eq!(path("outside the last edge"), path("inside"));
-        assert_eq!(path("inside") as usize, row.body.unwrap(), "no instruction is left out on the way to a hit");
-        assert_eq!(path("edge"), path("inside"), "the edge belongs to the triangle");
-    }
-
-    #[test]
     fn the_listing_has_every_instruction_and_how_often_it_was_executed() {
         let report = count(Some("dot"), true);
         for row in report.rows.iter().filter(|row| row.executed.is_some()) {

@@ -335,22 +335,6 @@ mod unix {
     use std::process::Command;
 
     #[test]
-    fn a_symbolic_link_stays_and_what_it_points_to_is_replaced() {
-        let directory = tempfile::tempdir().unwrap();
-        fs::create_dir(directory.path().join("there")).unwrap();
-        let target = directory.path().join("there/target.ppm");
-        fs::write(&target, "old").unwrap();
-        // One link to another, both relative to where they are.
-        symlink("there/target.ppm", directory.path().join("one")).unwrap();
-        symlink("one", directory.path().join("two.ppm")).unwrap();
-        write(&directory.path().join("two.ppm"), Format::Ppm, (4, 4), 4).unwrap();
-        assert_eq!(names(&directory), ["one", "there", "two.ppm"]);
-        assert_eq!(fs::read_link(directory.path().join("two.ppm")).unwrap(), Path::new("one"));
-        assert!(!fs::symlink_metadata(&target).unwrap().is_symlink());
-        assert_eq!(read(&target).unwrap(), expected(Format::Ppm, 4, 4));
-    }
-
-    #[test]
     fn a_link_to_nothing_gets_its_file_unless_a_new_one_was_asked_for() {
         let directory = tempfile::tempdir().unwrap();
         let link = directory.path().join("link.ppm");

@@ -90,34 +90,22 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
 
 #[test]
 fn a_ply_file_has_colours_of_vertices_or_of_faces() {
-    let floats = |numbers: &[f32]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<_>>();
-    let points = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
-    for (kind, channels, white) in
-        [("uchar", vec![255, 0, 51], vec![255; 3]), ("float", floats(&[1.0, 0.0, 0.2]), floats(&[1.0; 3]))]
-    {
+    for (kind, colour, white) in [("uchar", "255 0 51", "255 255 255"), ("float", "1 0 0.2", "1 1 1")] {
         let names = format!("property {kind} red\nproperty {kind} green\nproperty {kind} blue\n");
-        for (of_vertex, of_face, extra) in
-            [(&*names, "", ""), ("", &names, ""), (&names, &names, "property uchar alpha\n")]
-        {
-            let header = format!(
-                "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty \
-                 float z\n{of_vertex}{extra}element face 2\nproperty list uchar int vertex_indices\n{of_face}end_header\n"
+        for [of_vertex, of_face, alpha] in [[1, 0, 0], [0, 1, 0], [1, 1, 1]] {
+            let [in_vertices, in_faces] = [of_vertex, of_face].map(|times| names.repeat(times));
+            let extra = "property uchar alpha\n".repeat(alpha);
+            let vertex = |at| format!("{at} {} {}\n", colour.repeat(of_vertex), "9".repeat(alpha));
+            let face = |colour: &str| format!("3 0 1 2 {}\n", colour.repeat(of_face));
+            let rows = [["0 0 0", "1 0 0", "1 1 0"].map(vertex).concat(), [colour, white].map(face).concat()].concat();
+            let file = format!(
+                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                 {in_vertices}{extra}element face 2\nproperty list uchar int vertex_indices\n{in_faces}end_header\n{rows}"
             );
-            let mut file = header.into_bytes();
-            for point in points {
-                file.extend(floats(&point));
-                file.extend(if of_vertex.is_empty() { &[] } else { &channels[..] });
-                file.extend(vec![9; usize::from(!extra.is_empty())]);
-            }
-            for face in [&channels, &white] {
-                file.push(3);
-                file.extend([0_i32, 1, 2].iter().flat_map(|corner| corner.to_le_bytes()));
-                file.extend(if of_face.is_empty() { &[] } else { &face[..] });
-            }
             let mesh = read(MeshFormat::Ply, file).unwrap();
-            let second = if of_face.is_empty() { [1.0, 0.0, 0.2] } else { [1.0; 3] };
+            let second = if of_face == 0 { [1.0, 0.0, 0.2] } else { [1.0; 3] };
             assert_eq!(colours(&mesh), [[1.0, 0.0, 0.2], second], "{kind} {of_vertex} {of_face}");
-            assert_eq!(mesh.notes.len(), usize::from(!extra.is_empty()));
+            assert_eq!(mesh.notes.len(), alpha);
         }
     }
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty ushort \

@@ -210,34 +210,6 @@ fn nothing_depends_on_denormal_numbers() {
     }
 }
 
-/// The scene seen in a mirror, left and right exchanged.
-fn mirrored(scene: &Scene) -> Scene {
-    let flip = |v: &mut Vec3| v.x = -v.x;
-    let mut scene = scene.clone();
-    scene.lights.iter_mut().for_each(|light| flip(&mut light.position));
-    scene.spheres.iter_mut().for_each(|sphere| flip(&mut sphere.centre));
-    scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(flip);
-    scene
-}
-
-#[test]
-fn mirrored_scenes_and_triangles_with_their_vertices_rotated_are_as_right() {
-    let packets: Vec<_> = robust();
-    for id in ["S1", "S2", "S5", "S6", "T1", "T2", "T3", "T4", "T7"] {
-        for case in cases(family(id).unwrap()).step_by(2) {
-            let what = |how: &str| format!("{id} case {}, seed {SEED}, {how}", case.index);
-            check(&mirrored(&case.scene), case.covered, &packets, &what("mirrored"));
-            if id.starts_with('T') {
-                for turn in 1..3 {
-                    let mut turned = case.scene.clone();
-                    turned.triangles.iter_mut().for_each(|triangle| triangle.vertices.rotate_left(turn));
-                    check(&turned, case.covered, &packets, &what("rotated"));
-                }
-            }
-        }
-    }
-}
-
 fn one_light(camera: Camera, position: Vec3) -> Scene {
     let light = Light { intensity: 0.9, colour: Vec3::ONE, position };
     Scene { lights: vec![light], ..Scene::new(camera) }

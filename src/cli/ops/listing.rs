@@ -212,7 +212,7 @@ fn common(a: &[String], b: &[String]) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::{beside_source, common, shown};
+    use super::{beside_source, common};
     use crate::experiments::ops::Line;
 
     fn line(offset: usize, text: &str, target: Option<usize>) -> Line {
@@ -225,19 +225,6 @@ mod tests {
         assert_eq!(common(&lines("a b c d"), &lines("a x c d")), [true, false, true, true]);
         assert_eq!(common(&lines("a b"), &lines("b a")), [true, false]);
         assert_eq!(common(&lines("a"), &lines("b c")), [false, false]);
-    }
-
-    #[test]
-    fn what_jumps_names_a_label_where_its_target_is_listed_and_a_number_elsewhere() {
-        let listing = [
-            line(0, "jne 5", Some(5)),
-            line(2, "jmp 40h", Some(64)),
-            line(5, "dec eax", None),
-            line(7, "jg 5", Some(5)),
-        ];
-        let shown: Vec<_> = shown(&listing).into_iter().map(|line| (line.label, line.text)).collect();
-        let expected = [("", "jne .1"), ("", "jmp 40h"), (".1:", "dec eax"), ("", "jg .1")];
-        assert_eq!(shown, expected.map(|(label, text)| (label.to_owned(), text.to_owned())));
     }
 
     #[test]

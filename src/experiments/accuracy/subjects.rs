@@ -132,27 +132,3 @@ fn reduced(scene: Scene, size: Size) -> Scene {
     let side = |pixels: u32| ((f64::from(pixels) * factor) as u32).max(1);
     in_size(&scene, side(camera.width()), side(camera.height()))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn there_are_the_shipped_scenes_and_each_family_from_easy_to_stiff() {
-        let subjects = all(true);
-        let names: Vec<_> = subjects.iter().map(|subject| subject.name.as_str()).collect();
-        assert_eq!(names[..5], SHIPPED.map(|(name, _)| name));
-        for family in FAMILIES.iter().filter(|family| family.id != "N1" && !family.has_shadows()) {
-            let of: Vec<_> =
-                subjects.iter().filter_map(|subject| subject.family.filter(|of| of.id == family.id)).collect();
-            let stiffness: Vec<_> = of.iter().map(|of| of.stiffness).collect();
-            assert_eq!(stiffness, [0, 1, 2], "{}", family.id);
-        }
-        assert!(!names.iter().any(|name| name.starts_with("N1")), "what is not a scene has no picture");
-        for Subject { name, scene, .. } in &subjects {
-            let objects = (scene.spheres.len() + scene.triangle_count()) as u64;
-            assert!(scene.camera.pixels() <= SIZES[0].pixels, "{name}");
-            assert!(scene.camera.pixels() * objects <= 2 * SIZES[0].tests, "{name}");
-        }
-    }
-}

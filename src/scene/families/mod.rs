@@ -194,15 +194,6 @@ mod tests {
     }
 
     #[test]
-    fn every_family_is_found_by_its_id_and_has_an_ordinary_level() {
-        for family in FAMILIES {
-            assert_eq!(super::family(&family.id.to_lowercase()).map(|found| found.id), Some(family.id));
-            assert!(family.ordinary < family.levels.len(), "{}", family.id);
-        }
-        assert!(super::family("S10").is_none());
-    }
-
-    #[test]
     fn a_case_has_a_hundred_thousand_rays_or_a_size_of_its_own() {
         for family in FAMILIES.iter().filter(|family| !["I1", "N1"].contains(&family.id)) {
             for index in 0..family.cases() {
