@@ -66,3 +66,36 @@ pub(super) fn never_hit(triangle: &Triangle) -> Option<Omission> {
         None => Some(Omission::EdgeOn),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Camera;
+    use glam::{Vec3, vec3};
+
+    #[test]
+    fn what_has_no_pixel_is_behind_outside_of_no_area_or_between() {
+        let frustum = Frustum::new(&Camera::new(160, 120, 1.0, 1.0).unwrap().grid());
+        let sphere = |centre: Vec3| frustum.unseen_sphere(&Sphere { radius: 1.0, colour: Vec3::ONE, centre });
+        for (centre, why) in [
+            (vec3(0.0, 0.0, -1.0), Omission::Behind),
+            (vec3(-90.0, 0.0, 20.0), Omission::Outside),
+            (vec3(90.0, 0.0, 20.0), Omission::Outside),
+            (vec3(0.0, -90.0, 20.0), Omission::Outside),
+            (vec3(0.0, 90.0, 20.0), Omission::Outside),
+            (vec3(3.0, 3.0, 1e9), Omission::Between),
+        ] {
+            assert_eq!(sphere(centre), why, "{centre}");
+        }
+        let triangle = |vertices: [Vec3; 3]| frustum.unseen_triangle(&Triangle { colour: Vec3::ONE, vertices });
+        let [a, b, c] = [vec3(1e-3, 0.0, 20.0), vec3(2e-3, 0.0, 20.0), vec3(1e-3, 1e-3, 20.0)];
+        for (vertices, why) in [
+            ([a, b, c].map(|v| -v), Omission::Behind),
+            ([a, b, c].map(|v| v + 90.0 * Vec3::Y), Omission::Outside),
+            ([a, b, b], Omission::NoArea),
+            ([a, b, c], Omission::Between),
+        ] {
+            assert_eq!(triangle(vertices), why, "{vertices:?}");
+        }
+    }
+}

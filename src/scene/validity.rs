@@ -68,3 +68,25 @@ fn bright(colour: Vec3) -> bool {
 fn invalid(thing: &str, i: usize, field: &str, expected: &'static str, found: String) -> Result<(), InvalidScene> {
     Err(InvalidScene { field: format!("{thing} {}'s {field}", i + 1), expected, found })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::many;
+
+    #[test]
+    fn what_is_below_its_least_is_named_and_what_is_not_passes() {
+        let scene = many(2, 2, 1);
+        assert_eq!(scene.check(), Ok(()));
+        let mut dark = scene.clone();
+        dark.lights[1].intensity = -1.0;
+        assert_eq!(dark.check().unwrap_err().to_string(), "light 2's intensity must be finite and at least 0, not -1");
+        let mut dark = scene.clone();
+        dark.triangles[0].colour.y = -0.5;
+        assert_eq!(dark.check().unwrap_err().field, "triangle 1's colour");
+        for radius in [0.0, -1.0] {
+            let mut none = scene.clone();
+            none.spheres[0].radius = radius;
+            assert_eq!(none.check().unwrap_err().field, "sphere 1's radius");
+        }
+    }
+}
