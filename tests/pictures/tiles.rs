@@ -596,6 +596,23 @@ fn what_crosses_the_cameras_plane_is_nearer_than_what_is_too_near_for_f32() {
     check_by_force(&scene, "too near for f32");
 }
 
+/// Its 1/t is 0 in f32, in the unit of the others, and its tiles are many.
+#[test]
+fn a_large_triangle_behind_a_tiny_scene_is_seen() {
+    let mut scene = Scene { camera: camera(640, 480), ..many(0, 0, 1) };
+    let corners = [[-0.3, -0.3, 1.0], [0.3, -0.3, 1.1], [0.0, 0.3, 1.05]].map(Vec3::from_array);
+    for (size, aside) in [(1e-20, 1.0), (1e-20, 2.0), (1e34, 0.0)] {
+        let vertices = corners.map(|v| size * (v + aside * Vec3::X));
+        scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+    }
+    for contender in packets() {
+        let found = tiles(&contender, &scene).hits(240..241)[320];
+        let is_large = matches!(found, Some(Found { object: Object::Triangle(2), .. }));
+        assert!(is_large, "{contender}: {found:?}");
+    }
+    check_by_force(&scene, "a tiny scene before a large triangle");
+}
+
 /// Of two tiles side by side without an object different rows are wanted.
 #[test]
 fn a_background_fills_the_wanted_rows_of_each_tile() {

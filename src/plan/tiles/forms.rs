@@ -226,7 +226,7 @@ impl Forms {
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane as set-up computes it: at the first pixel, and its
-/// increments for a column and a row. None if that is beyond f32.
+/// increments for a column and a row. None if f32 does not hold them.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let [v, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
     let normal = (v - v2).cross(v - v3);
@@ -236,9 +236,9 @@ pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture:
     let terms = n.abs().dot(DVec3::from(grid.ray(0, 0)).abs())
         + across.abs() * f64::from(picture.width)
         + down.abs() * f64::from(picture.height);
-    // All roundings, here and there, are some parts in 2^24 of these terms.
+    // All roundings, here and there, are some parts in 2^24 of these terms, unless what they make in f32 is denormal.
     let most = [first + terms / f64::from(1 << 18), across, down].map(|x| x as f32);
-    (terms < f32::MAX.into()).then_some(most)
+    (1e-30..f32::MAX.into()).contains(&terms).then_some(most)
 }
 
 /// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may not cover all of them.
