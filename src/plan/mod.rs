@@ -20,7 +20,7 @@ pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use shadows::{Casters, Ends, LightSide, Shadows};
-pub use team::{Team, on_all_cores};
+pub use team::{MAX_THREADS, Team, on_all_cores};
 pub use tile_report::TileSurvey;
 pub use tiles::{ExactPlane, LargeInRow, LargeObjects, Raster, TilePlace, Tiles, Weighted};
 

@@ -16,6 +16,9 @@ use crate::kernels::sys::cores;
 /// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
 
+/// The most threads of a team: no machine has more cores.
+pub const MAX_THREADS: usize = 4096;
+
 /// A thread, and others that help it.
 pub struct Team {
     /// The other threads, if there are any, and the thread that created the team, unless it belongs to another pool.
@@ -53,6 +56,9 @@ impl Team {
     /// # Errors
     /// How many there are, if the system gives fewer.
     pub fn of(threads: usize) -> Result<Arc<Self>, usize> {
+        if threads > MAX_THREADS {
+            return Err(MAX_THREADS);
+        }
         let team = Team::up_to(threads);
         if team.threads() >= threads {
             return Ok(team);
@@ -226,6 +232,11 @@ mod tests {
                 assert!(all.into_iter().eq(0..count), "{threads} threads, {count} pieces of work");
             }
         }
+    }
+
+    #[test]
+    fn more_threads_than_any_system_gives_are_refused_before_one_is_started() {
+        assert_eq!(Team::of(1 << 40).err(), Some(MAX_THREADS));
     }
 
     #[test]

@@ -12,10 +12,9 @@ use crate::cli::development::DevelopmentArgs;
 use crate::cli::engine::EngineArgs;
 use crate::cli::party::Party;
 use crate::cli::view::{ViewArgs, tell};
+use crate::plan::MAX_THREADS;
 use crate::scene::{Camera, Scene};
 
-/// No machine has more cores than this.
-const MAX_THREADS: usize = 4096;
 /// An hour of them, and more.
 const MOST_PICTURES: u32 = 100_000;
 
