@@ -1,8 +1,9 @@
 //! What an instruction does, as operations on elements of registers and memory: a model that is compared with the CPU.
 //!
-//! An operation makes one element of others, which are those that the instruction finds. Of what an instruction computes
-//! with floating-point numbers, the model says what: that can be done again with other numbers. Of integers in
-//! vectors it knows the result, and of those in general registers which others they are made of. What selects (a mask, an index, the numbers that a minimum compares) is resolved, and named.
+//! An operation makes one element of others, which are those that the instruction finds. Of what an instruction
+//! computes with floating-point numbers, the model says what: that can be done again with other numbers. Of integers in
+//! vectors it knows the result, and of those in general registers which others they are made of. What selects (a mask,
+//! an index, the numbers that a minimum compares) is resolved, and named.
 
 mod arithmetic;
 mod check;
