@@ -13,17 +13,14 @@
 ;   <object>    lit         any colours; not clamped: the light is known not to exceed white
 ;               grey        red, green and blue are equal; in f32 alone
 ;   <output>    f32x4       linear red, green, blue, 0
-;               f32x3       linear red, green, blue
 ;               rgba8       levels of red, green, blue, and 255
-;               rgb8        levels of red, green, blue
 ;   ..._fast    with estimates in place of roots and divisions. Bytes from f32 are always made so, and bytes from f64
 ;               with refined estimates on AVX-512.
 ;
 ;   sphere      *const LitSphere
 ;   rows        *const LitRows, of which the first `count` are read
-;   out         *mut of the first pixel, aligned to 4 except for rgb8: `count` rows of `width` pixels are written and
-;               nothing else
-;   streaming   u64: not 0 for stores that go past the cache; 0 for rgb8
+;   out         *mut of the first pixel, aligned to 4: `count` rows of `width` pixels are written and nothing else
+;   streaming   u64: not 0 for stores that go past the cache
 ;
 ;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
 ;               of a row, r9 streaming, r10 the first pixel not yet written, r11 the end of all pixels
@@ -85,18 +82,13 @@
 
 ; The pixels of a body: of floats in w4 and up, of bytes from w1 on.
 %define LIT_PIXELS_LIT_F32X4 TRANSPOSE_F32X4 1, 2, 3, 4, 8, 9
-%define LIT_PIXELS_LIT_F32X3 TRANSPOSE_F32X3 1, 2, 3, 4, 8
 %define LIT_PIXELS_LIT_RGBA8 PACK_RGBA8 1, 2, 3, 0
-%define LIT_PIXELS_LIT_RGB8 PACK_RGB8 1, 2, 3
 %define LIT_PIXELS_GREY_F32X4 SPREAD_F32X4 1, 4, edi, k2
-%define LIT_PIXELS_GREY_F32X3 SPREAD_F32X3 1, 4
 %define LIT_PIXELS_GREY_RGBA8 GREY_RGBA8 1
-%define LIT_PIXELS_GREY_RGB8 GREY_RGB8 1
 
 ; LIT_STORE - stores the packet at r12.
 %macro LIT_STORE 1
-%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
-%if %[%%format]_STREAMS
+%define %%format %1     ; [in]       F32X4 or RGBA8
     test    r9d, r9d
     jnz     %%stream
     STORE_ %+ %%format r12, %[%%format]_FIRST, movaps
@@ -104,42 +96,36 @@
 %%stream:
     STORE_ %+ %%format r12, %[%%format]_FIRST, movntps
 %%done:
-%else
-    STORE_ %+ %%format r12, %[%%format]_FIRST, movups
-%endif
 %endmacro
 
 ; LIT_BLACK - stores a packet of black floats at r10, and advances r10.
-%macro LIT_BLACK 1
-%define %%format %1     ; [in]       F32X4 or F32X3
+%macro LIT_BLACK 0
     test    r9d, r9d
     jnz     %%stream
-    STORE_SAME_ %+ %%format r10, 11, movaps
+    STORE_SAME_F32X4 r10, 11, movaps
     jmp     %%done
 %%stream:
-    STORE_SAME_ %+ %%format r10, 11, movntps
+    STORE_SAME_F32X4 r10, 11, movntps
 %%done:
-    add     r10, LANES * %[%%format]_BYTES
+    add     r10, LANES * F32X4_BYTES
 %endmacro
 
 ; LIT_FILL - stores black from r10 up to an address and moves r10 there, if it is below: in floats up to the start of a
 ;            packet, in bytes up to any pixel. Black bytes are written by whole registers or, past the cache, where no
 ;            line may be written in both ways, by whole packets.
 %macro LIT_FILL 2
-%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %1     ; [in]       F32X4 or RGBA8
 %define %%to %2         ; [in]       general register
 %if %[%%format]_FLOATS
     jmp     %%until
 %%black:
-    LIT_BLACK %%format
+    LIT_BLACK
 %%until:
     cmp     r10, %%to
     jb      %%black
 %else
-%if %[%%format]_STREAMS
     test    r9d, r9d
     jnz     %%until_packet
-%endif
     lea     rdi, [r10 + VBYTES]
     cmp     rdi, %%to
     ja      %%few
@@ -158,7 +144,6 @@ align 16
     VSTORE  [%%to - VBYTES], v11
     mov     r10, %%to
     jmp     %%filled
-%if %[%%format]_STREAMS
 %%packet:                               ; r10 is the start of one
     STORE_ %+ %%format r10, 11, movntps
     add     r10, LANES * %[%%format]_BYTES
@@ -167,7 +152,6 @@ align 16
     cmp     rdi, %%to
     jbe     %%packet
     jmp     %%few
-%endif
 %%pixel:
     STORE_PIXEL_ %+ %%format r10, 11
     add     r10, %[%%format]_BYTES
@@ -180,26 +164,17 @@ align 16
 
 ; LIT_NEXT - goes to the next packet; in floats, stores up to two packets of the black before the next row's span.
 %macro LIT_NEXT 1
-%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %1     ; [in]       F32X4 or RGBA8
     VADD    v0, v0, [PACKET(step)]
     add     r12, LANES * %[%%format]_BYTES
 %if %[%%format]_FLOATS
 %rep 2
     cmp     r10, r13
     jae     %%written
-    LIT_BLACK %%format
+    LIT_BLACK
 %endrep
 %%written:
 %endif
-%endmacro
-
-; LIT_PACKET - from the address of a pixel to that of its packet. Clobbers rdi.
-%macro LIT_PACKET 2
-%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
-%define %%m %2          ; [in/out]   general register
-    PIXELS_SINCE %%format, rdi, %%m, LANES
-    imul    rdi, rdi, %[%%format]_BYTES
-    sub     %%m, rdi
 %endmacro
 
 ; LIT - a function that makes rows.
@@ -207,7 +182,7 @@ align 16
 %define %%object %1     ; [in]       lit or grey: part of the function's name
 %define %%output %2     ; [in]       part of the function's name
 %define %%body %3       ; [in]       LIT_BODY_<body>
-%define %%format %4     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %4     ; [in]       F32X4 or RGBA8
 %assign %%bytes %[%%format]_BYTES
 %assign %%packet LANES * %%bytes
 FUNC NAME(%%object, %%output)
@@ -220,7 +195,7 @@ FUNC NAME(%%object, %%output)
     add     r11, rcx
     ; black up to the start of a packet; a span that begins within it overwrites some
 .head:
-    test    r10, (LANES << %[%%format]_UNIT) - 1
+    test    r10, %%packet - 1
     jz      .row
     cmp     r10, r11
     jae     .row
@@ -238,10 +213,11 @@ align 16
     imul    rbx, rbx, %%bytes
     add     rax, rcx
     lea     rbx, [rcx + rbx + %%packet - %%bytes]
-    LIT_PACKET %%format, rbx
+    and     rbx, -%%packet
     mov     r12, rax
-    LIT_PACKET %%format, r12
-    PIXELS_SINCE %%format, rax, rax, LANES      ; lanes before the span
+    and     r12, -%%packet
+    and     eax, %%packet - 1
+    shr     eax, ilog2e(%%bytes)        ; lanes before the span
     VSPREAD_INTEGER 1, rax
     VMOV    v0, LIT_j
     VADD    v0, v0, [%[%%format]_ORDER]
@@ -264,7 +240,7 @@ align 16
     imul    r13, r13, %%bytes
     add     r13, rcx
     add     r13, r8
-    LIT_PACKET %%format, r13
+    and     r13, -%%packet
 %endif
 .edge:
     LIT_BODY_ %+ %%body 1
@@ -299,7 +275,7 @@ align 16
     ; black up to the end, floats first by whole packets and then by pixels
     mov     r12, r11
 %if %[%%format]_FLOATS
-    LIT_PACKET %%format, r12
+    and     r12, -%%packet
 %endif
     LIT_FILL %%format, r12
     jmp     .tail
@@ -317,7 +293,7 @@ align 16
     mov     r13d, %%packet
     cmp     rdi, r13
     cmova   rdi, r13
-    PIXELS_SINCE %%format, rdi, rdi, 2 * LANES
+    shr     rdi, ilog2e(%%bytes)
     PART_ %+ %%format r12, %[%%format]_FIRST, rax, rdi, r13, k1, 3
     xor     eax, eax
     xor     r13d, r13d                  ; leaves the black to the next row
@@ -328,7 +304,7 @@ align 16
 ; LITS - the functions that make rows of one output.
 %macro LITS 2
 %define %%output %1     ; [in]       part of the functions' names
-%define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %2     ; [in]       F32X4 or RGBA8
     LIT     lit, %%output, LIT, %%format
 %if ELEM == 4
     LIT     grey, %%output, GREY, %%format
@@ -339,14 +315,11 @@ align 16
 %macro LIT_TRACERS 0
 %assign ESTIMATE 0
     LITS    f32x4, F32X4
-    LITS    f32x3, F32X3
 %if ELEM == 4
 %assign ESTIMATE 1
     LITS    f32x4_fast, F32X4
-    LITS    f32x3_fast, F32X3
 %elif HAS_MASKS
 %assign ESTIMATE 1                      ; with Newton steps to the end
 %endif
     LITS    rgba8, RGBA8
-    LITS    rgb8, RGB8
 %endmacro

@@ -5,21 +5,46 @@
 ;   rayo_<isa>_narrow_rgb8      from rgba8
 ;   rayo_<isa>_narrow_f32x3     from f32x4
 ;
-;   Most kernels make only pixels of four channels, which fill whole registers; files have three.
+;   Kernels make pixels of four channels, which fill whole registers; files have three.
 ;
 ;   registers   rdi four, rsi three, rdx pixels left
 ;   requires    the CPUID features of the ISA
 ;   equals      Iterator::map, to the first three channels
 
-; INSERT_FLOAT - copies one float of a to d.
-%macro INSERT_FLOAT 3
-%define %%d %1          ; [in/out]   128-bit register
-%define %%a %2          ; [in]       128-bit register
-%define %%which %3      ; [in]       as in insertps: the lane of a in the upper two bits, that of d in the next two
+; OF_TWO - d = numbers of d and of a: d op a.
+;
+;   instructions   1
+%macro OF_TWO 4
+%define %%op %1         ; [in]       insertps or shufps
+%define %%d %2          ; [in/out]   128-bit register
+%define %%a %3          ; [in]       128-bit register
+%define %%which %4      ; [in]       which numbers, and where they go
 %if HAS_VEX
-    vinsertps %%d, %%d, %%a, %%which
+    v%[%%op] %%d, %%d, %%a, %%which
 %else
-    insertps %%d, %%a, %%which
+    %%op    %%d, %%a, %%which
+%endif
+%endmacro
+
+; SIDE_BY_SIDE - stores the 12 bytes in each 128 bits of w1 one after another, and nothing past them, at an address of
+;                any alignment. Clobbers w1 and w2.
+;
+;   instructions   sse41 2   avx2 4   avx512 4
+%macro SIDE_BY_SIDE 1
+%define %%m %1          ; [in]       general register: address
+%if LANES == 16
+    vmovdqa32 w2, [side_by_side]
+    vpermd  w1, w2, w1
+    vmovups [%%m], h1
+    vextracti32x4 [%%m + 32], v1, 2
+%elif LANES == 8
+    vextracti128 x2, w1, 1
+    vpblendd x1, x1, x2, 8
+    vmovups [%%m], x1
+    vmovq   [%%m + 16], x2
+%else
+    movq    [%%m], x1
+    pextrd  [%%m + 8], x1, 2
 %endif
 %endmacro
 
@@ -30,9 +55,8 @@ FUNC ISA %+ _narrow_rgb8
     jb      .few
 .packet:
     VLOAD   v1, [rdi]
-    IOP     pshufb, w1, w1, [PACKET(three_of_four)]
-    SIDE_BY_SIDE 1
-    STORE_RGB8 rsi, 1, movups
+    IOP     pshufb, w1, w1, [three_of_four]
+    SIDE_BY_SIDE rsi
     add     rdi, VBYTES
     add     rsi, 3 * LANES
     sub     rdx, LANES
@@ -46,7 +70,7 @@ FUNC ISA %+ _narrow_rgb8
     shr     eax, 16
     mov     [rsi + 2], al
     add     rdi, RGBA8_BYTES
-    add     rsi, RGB8_BYTES
+    add     rsi, 3
     dec     rdx
     jnz     .pixel
 .done:
@@ -61,15 +85,15 @@ FUNC ISA %+ _narrow_f32x3
     VEX(movups) xmm2, [rdi + 16]
     VEX(movups) xmm3, [rdi + 32]
     VEX(movups) xmm4, [rdi + 48]
-    INSERT_FLOAT xmm1, xmm2, 0x30       ; x0 y0 z0 x1
-    SHUFFLE xmm2, xmm2, xmm3, 0x49      ; y1 z1 x2 y2
-    SHUFFLE xmm4, xmm4, xmm4, 0x90      ; .  x3 y3 z3
-    INSERT_FLOAT xmm4, xmm3, 0x80       ; z2 x3 y3 z3
+    OF_TWO  insertps, xmm1, xmm2, 0x30  ; x0 y0 z0 x1
+    OF_TWO  shufps, xmm2, xmm3, 0x49    ; y1 z1 x2 y2
+    OF_TWO  shufps, xmm4, xmm4, 0x90    ; .  x3 y3 z3
+    OF_TWO  insertps, xmm4, xmm3, 0x80  ; z2 x3 y3 z3
     VEX(movups) [rsi], xmm1
     VEX(movups) [rsi + 16], xmm2
     VEX(movups) [rsi + 32], xmm4
     add     rdi, 4 * F32X4_BYTES
-    add     rsi, 4 * F32X3_BYTES
+    add     rsi, 4 * 12
     sub     rdx, 4
     jae     .packet
 .few:
@@ -77,9 +101,10 @@ FUNC ISA %+ _narrow_f32x3
     jz      .done
 .pixel:
     VEX(movups) xmm1, [rdi]
-    STORE_PIXEL_F32X3 rsi, 1
+    VEX(movlps) [rsi], xmm1
+    VEX(extractps) [rsi + 8], xmm1, 2
     add     rdi, F32X4_BYTES
-    add     rsi, F32X3_BYTES
+    add     rsi, 12
     dec     rdx
     jnz     .pixel
 .done:

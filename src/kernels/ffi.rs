@@ -76,18 +76,12 @@ macro_rules! tables {
 tables! { $
     /// The kernels of a sphere seen from outside under one light, for all outputs. The light does not exceed white.
     struct LitBodies<E: Element> {
-        /// To linear floats, four a pixel.
+        /// To linear floats.
         f32x4: ShadeRows<E, Vec4> = "_f32x4";
         /// The same with estimates (in f64: as `f32x4`).
         f32x4_fast: ShadeRows<E, Vec4> = "_f32x4" fast;
-        /// To linear floats, three a pixel.
-        f32x3: ShadeRows<E, F32x3> = "_f32x3";
-        /// The same with estimates (in f64: as `f32x3`).
-        f32x3_fast: ShadeRows<E, F32x3> = "_f32x3" fast;
-        /// To 8-bit levels (with estimates if they are accurate enough), four a pixel.
+        /// To 8-bit levels (with estimates if they are accurate enough).
         rgba8: ShadeRows<E, Rgba8> = "_rgba8";
-        /// The same, three a pixel.
-        rgb8: ShadeRows<E, Rgb8> = "_rgb8";
     }
 
     /// The kernels that trace tile by tile.

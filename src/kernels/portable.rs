@@ -73,10 +73,7 @@ const fn lit<L: Lanes<Number = E>, E: Number, const GREY: bool>() -> LitBodies<E
     LitBodies {
         f32x4: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x4"),
         f32x4_fast: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x4"),
-        f32x3: ShadeRows::<E, F32x3>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x3"),
-        f32x3_fast: ShadeRows::<E, F32x3>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x3"),
         rgba8: ShadeRows::<E, Rgba8>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_rgba8"),
-        rgb8: ShadeRows::<E, Rgb8>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_rgb8"),
     }
 }
 

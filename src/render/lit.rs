@@ -3,11 +3,11 @@
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use super::film::with_pixels;
 use super::tiles::{Interleaved, TileTracer};
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted, existing};
 use crate::kernels::{
-    Element, ElementKernels, F32x3, LIT_ROWS, LitBodies, LitRows, PacketKernels, Rgb8, Rgba8, ShadeRows, Vec4, sys,
+    Element, ElementKernels, LIT_ROWS, LitBodies, LitRow, LitRows, LitSphere, Narrow, PacketKernels, Plain, Rgba8,
+    ShadeRows, Vec4, sys,
 };
 use crate::measure::caches;
 use crate::plan::{Keep, LitForm, Raster, Report, Scale};
@@ -26,8 +26,8 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
         .get_or_init(|| caches().into_iter().find(|cache| cache.level == 3).map(|cache| cache.bytes as u64));
     let most =
         third.map_or(MOST, |bytes| if format.is_8bit() { MOST_OF_BYTES.min(bytes) } else { MOST.min(bytes / 8) });
-    // Packets of three bytes are never aligned.
-    format != PixelFormat::Rgb8 && pixels * format.bytes() as u64 > most
+    // Pixels of three channels are made from others.
+    matches!(format, PixelFormat::F32x4 | PixelFormat::Rgba8) && pixels * format.bytes() as u64 > most
 }
 
 /// The pixels of a sphere that one thread has made before another one has the memory for its own.
@@ -66,7 +66,7 @@ impl<'a, E: Element> LitTracer<'a, E> {
 
     /// Calls `say` for some of `rows` at a time: with the first of them, their number, and their spans of the sphere.
     fn each_rows(&self, rows: Range<u32>, scale: Scale, mut say: impl FnMut(u32, usize, &LitRows<E>)) {
-        let mut lit_rows: LitRows<E> = crate::kernels::Plain::ZERO;
+        let mut lit_rows: LitRows<E> = Plain::ZERO;
         for first in rows.clone().step_by(LIT_ROWS) {
             let count = ((rows.end - first) as usize).min(LIT_ROWS);
             self.kernels.lit_rows.call(self.form.setup(scale), first, count, &mut lit_rows);
@@ -77,50 +77,69 @@ impl<'a, E: Element> LitTracer<'a, E> {
     /// Calls `say` for each of `rows` with the columns that see the sphere.
     fn each_span(&self, rows: Range<u32>, mut say: impl FnMut(u32, Range<usize>)) {
         self.each_rows(rows, Scale::Linear, |first, count, lit_rows| {
-            for i in 0..count {
-                let [start, end] = [lit_rows.start[i], lit_rows.end[i]].map(|column| column.to_f64() as usize);
-                say(first + i as u32, start..end.max(start));
-            }
+            (0..count).for_each(|row| say(first + row as u32, span_of(lit_rows, row)));
         });
     }
 
+    /// The kernel of an output, and the sphere that it renders.
+    fn kernel<P: Output<E>>(&self) -> (&'static ShadeRows<E, P>, LitSphere<E>) {
+        let bodies = if self.form.makes_grey() { &self.kernels.grey } else { &self.kernels.lit };
+        (P::kernel(bodies, self.fast), self.form.sphere(P::SCALE).round())
+    }
+
     fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P], streaming: bool) {
-        assert_eq!(out.len(), rows.len() * self.width(), "the film must have the size of the rows");
-        let kernel = P::kernel(if self.form.makes_grey() { &self.kernels.grey } else { &self.kernels.lit }, self.fast);
-        let (sphere, width, start) = (self.form.sphere(P::SCALE).round(), self.width(), rows.start);
+        let ((kernel, sphere), width, start) = (self.kernel::<P>(), self.width(), rows.start);
         self.each_rows(rows, P::SCALE, |first, count, lit_rows| {
             let out = &mut out[(first - start) as usize * width..][..count * width];
             kernel.call(&sphere, lit_rows, out, width, streaming);
         });
     }
+
+    /// Traces the span of each row in four channels, and narrows it to three.
+    fn trace_three<T: Plain, P: Output<E>>(&self, rows: Range<u32>, out: &mut [[T; 3]], narrow: &Narrow<P, [T; 3]>) {
+        let ((kernel, sphere), width) = (self.kernel::<P>(), self.width());
+        let (mut four, mut one, mut out) = (vec![P::ZERO; width], LitRows::ZERO, out.chunks_mut(width));
+        self.each_rows(rows, P::SCALE, |_, count, lit_rows| {
+            for (row, out) in (0..count).zip(&mut out) {
+                let span = span_of(lit_rows, row);
+                let end = E::from_f64(span.len() as f64);
+                one.set_row(0, &LitRow { start: E::default(), end, ..lit_rows.row(row) });
+                kernel.call(&sphere, &one, &mut four[..span.len()], span.len(), false);
+                out[..span.start].as_flattened_mut().fill(T::ZERO);
+                out[span.end..].as_flattened_mut().fill(T::ZERO);
+                narrow.call(&four[..span.len()], &mut out[span]);
+            }
+        });
+    }
 }
 
-/// The differences between the outputs.
-trait Output<E: Element>: Pixel {
+/// The columns of a row that see the sphere.
+fn span_of<E: Element>(lit_rows: &LitRows<E>, row: usize) -> Range<usize> {
+    let [start, end] = [lit_rows.start[row], lit_rows.end[row]].map(|column| column.to_f64() as usize);
+    start..end.max(start)
+}
+
+/// The differences between the outputs of four channels, from which those of three are made.
+trait Output<E: Element>: Pixel + Plain {
     /// The value of full light.
     const SCALE: Scale;
     /// The kernel that makes rows, with estimates if `fast`.
     fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self>;
 }
 
-macro_rules! outputs {
-    ($($pixel:ty, $scale:ident, $exact:ident, $fast:ident;)*) => {$(
-        impl<E: Element> Output<E> for $pixel {
-            const SCALE: Scale = Scale::$scale;
-
-            fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self> {
-                if fast { &bodies.$fast } else { &bodies.$exact }
-            }
-        }
-    )*};
+impl<E: Element> Output<E> for Vec4 {
+    const SCALE: Scale = Scale::Linear;
+    fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self> {
+        if fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
+    }
 }
 
-// Bytes have estimates wherever these are accurate enough.
-outputs! {
-    Vec4, Linear, f32x4, f32x4_fast;
-    F32x3, Linear, f32x3, f32x3_fast;
-    Rgba8, Levels, rgba8, rgba8;
-    Rgb8, Levels, rgb8, rgb8;
+impl<E: Element> Output<E> for Rgba8 {
+    const SCALE: Scale = Scale::Levels;
+    /// With estimates wherever these are accurate enough.
+    fn kernel(bodies: &LitBodies<E>, _: bool) -> &ShadeRows<E, Self> {
+        &bodies.rgba8
+    }
 }
 
 impl<E: Element> Tracer for LitTracer<'_, E> {
@@ -139,7 +158,13 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         let streaming = is_past_caches(self.pixels, out.format());
-        with_pixels!(FilmMut(out) = out => self.trace(rows, out, streaming));
+        assert_eq!(out.len(), rows.len() * self.width(), "the film must have the size of the rows");
+        match out {
+            FilmMut::F32x4(out) => self.trace(rows, out, streaming),
+            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3),
+            FilmMut::Rgba8(out) => self.trace(rows, out, streaming),
+            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8),
+        }
         if streaming {
             sys::store_fence();
         }

@@ -109,14 +109,8 @@ kernels! {
         lit_cases(), |table, case| lit!(table, case, f32x4, Vec4::from([7.0; 4]));
     lit_f32x4_fast: single.lit.f32x4_fast, single.grey.f32x4_fast, double.lit.f32x4_fast, double.grey.f32x4_fast;
         lit_cases(), |table, case| lit!(table, case, f32x4_fast, Vec4::from([7.0; 4]));
-    lit_f32x3: single.lit.f32x3, single.grey.f32x3, double.lit.f32x3, double.grey.f32x3;
-        lit_cases(), |table, case| lit!(table, case, f32x3, [7.0; 3]);
-    lit_f32x3_fast: single.lit.f32x3_fast, single.grey.f32x3_fast, double.lit.f32x3_fast, double.grey.f32x3_fast;
-        lit_cases(), |table, case| lit!(table, case, f32x3_fast, [7.0; 3]);
     lit_rgba8: single.lit.rgba8, single.grey.rgba8, double.lit.rgba8, double.grey.rgba8;
         lit_cases(), |table, case| lit!(table, case, rgba8, [7; 4]);
-    lit_rgb8: single.lit.rgb8, single.grey.rgb8, double.lit.rgb8, double.grey.rgb8;
-        lit_cases(), |table, case| lit!(table, case, rgb8, [7; 3]);
     lit_rows: single.lit_rows, double.lit_rows; row_cases(), found_rows;
     narrow_rgb8: narrow_rgb8; Place::all(), |table, place| {
         narrowed(&table.narrow_rgb8, place, [7; 3], |i| [i, i + 1, i + 2, 255])
@@ -517,11 +511,11 @@ macro_rules! lit {
         let [fast, bytes] = ["_fast", "8"].map(|end| stringify!($field).ends_with(end));
         let (single, double) = (fast || bytes, bytes && $table.single.lanes == 16);
         let ElementKernels { lit, grey, .. } = &$table.single;
-        lit_of(&mut made, $case, (&lit.$field, &lit.f32x3), [false, single], $canary);
-        lit_of(&mut made, $case, (&grey.$field, &grey.f32x3), [true, single], $canary);
+        lit_of(&mut made, $case, (&lit.$field, &lit.f32x4), [false, single], $canary);
+        lit_of(&mut made, $case, (&grey.$field, &grey.f32x4), [true, single], $canary);
         let ElementKernels { lit, grey, .. } = &$table.double;
-        lit_of(&mut made, $case, (&lit.$field, &lit.f32x3), [false, double], $canary);
-        lit_of(&mut made, $case, (&grey.$field, &grey.f32x3), [true, double], $canary);
+        lit_of(&mut made, $case, (&lit.$field, &lit.f32x4), [false, double], $canary);
+        lit_of(&mut made, $case, (&grey.$field, &grey.f32x4), [true, double], $canary);
         made
     }};
 }
@@ -532,7 +526,7 @@ use lit;
 fn lit_of<E: Element, P: Plain + Debug>(
     made: &mut Made,
     &LitCase { seed, numbers, width, place }: &LitCase,
-    (kernel, floats): (&ShadeRows<E, P>, &ShadeRows<E, [f32; 3]>),
+    (kernel, floats): (&ShadeRows<E, P>, &ShadeRows<E, Vec4>),
     [grey, estimated]: [bool; 2],
     canary: P,
 ) {
@@ -544,8 +538,8 @@ fn lit_of<E: Element, P: Plain + Debug>(
     let mut all = Box::new(LitRows::ZERO);
     rows.iter().enumerate().for_each(|(i, row)| all.set_row(i, row));
     let film = place.film(canary, |out| kernel.call(&sphere, &all, out, width, place.streaming));
-    let levels = place.film([0.0; 3], |out| floats.call(&sphere, &all, out, width, false));
-    let is_byte = size_of::<P>() < size_of::<[f32; 3]>();
+    let levels = place.film(Vec4::ZERO, |out| floats.call(&sphere, &all, out, width, false));
+    let is_byte = size_of::<P>() < size_of::<Vec4>();
     let shown = |(i, pixel): (usize, &P)| {
         let Some(at) = i.checked_sub(place.first).filter(|at| *at < place.count) else { return Some(*pixel) };
         let row: &LitRow<E> = &rows[at / width];
@@ -553,7 +547,7 @@ fn lit_of<E: Element, P: Plain + Debug>(
         let u = column - row.start.to_f64() + row.j.to_f64() - row.m.to_f64();
         let is_sure = row.a.to_f64() - u * u > 1e-5 * row.a.to_f64();
         let in_span = (row.start.to_f64()..row.end.to_f64()).contains(&column);
-        let has_level = !is_byte || levels[i].iter().all(|level| *level < 255.0);
+        let has_level = !is_byte || [levels[i].x, levels[i].y, levels[i].z].iter().all(|level| *level < 255.0);
         (is_sure && has_level && !(estimated && in_span)).then_some(*pixel)
     };
     add(made, "pixels", &film.iter().enumerate().map(shown).collect::<Vec<_>>());

@@ -50,17 +50,6 @@ impl Pixel for Vec4 {
     }
 }
 
-impl Pixel for F32x3 {
-    const BLACK: Self = [0.0; 3];
-    const LEVELS: bool = false;
-    #[inline(always)]
-    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
-        for (i, to) in to.iter_mut().enumerate() {
-            *to = colour.each(|channel| channel.lane(first + i).to_float());
-        }
-    }
-}
-
 impl Pixel for Rgba8 {
     const BLACK: Self = [0, 0, 0, 255];
     const LEVELS: bool = true;
@@ -80,31 +69,11 @@ impl Pixel for Rgba8 {
     }
 }
 
-impl Pixel for Rgb8 {
-    const BLACK: Self = [0; 3];
-    const LEVELS: bool = true;
-    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
-        let mut four = [Rgba8::BLACK; MOST_LANES];
-        Pixel::put(&mut four[..to.len()], colour, first);
-        narrow_rgb8(&four[..to.len()], to);
-    }
-    #[inline(always)]
-    fn span<L: Lanes, const GREY: bool>(of: &Span<'_, L, GREY>, first: usize, to: &mut [Self]) {
-        // By way of four channels: one number of 32 bits a pixel.
-        let mut room = [Rgba8::BLACK; 256];
-        for (i, to) in to.chunks_mut(room.len()).enumerate() {
-            let four = &mut room[..to.len()];
-            Pixel::span(of, first + 256 * i, four);
-            narrow_rgb8(four, to);
-        }
-    }
-}
-
 /// The lower three bytes of each of four numbers, of which the highest is 0.
 #[inline(always)]
 fn side_by_side([a, b, c, d]: [u32; 4]) -> [Rgb8; 4] {
     let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
-    let mut pixels = [Rgb8::BLACK; 4];
+    let mut pixels = [[0; 3]; 4];
     pixels.as_flattened_mut().copy_from_slice(words.each(u32::to_le_bytes).as_flattened());
     pixels
 }
