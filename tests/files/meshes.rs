@@ -253,6 +253,8 @@ fn a_ply_file_may_be_text_or_binary_of_either_byte_order() {
     }
 }
 
+const STL_STEPS: &str = "expected facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
+
 fn stl_text(name: &str) -> String {
     let mut text = format!("solid{name}\n");
     for [a, b, c] in fan() {
@@ -383,20 +385,34 @@ fn an_stl_file_in_text_may_have_several_solids() {
             assert_eq!(soup(&read(MeshFormat::Stl, file).unwrap()), [fan(), fan(), fan()].concat());
         }
     }
-    // What follows the last one is of no interest, but one that is begun is ended.
-    assert_eq!(soup(&read(MeshFormat::Stl, format!("{one}of no interest\nsolid x\n")).unwrap()), fan());
+    // Nothing that follows a solid hides the next one, or a facet.
+    for between in
+        ["of no interest\n", "end solid\nSolid x\nEndSolid x\n", "\u{a0}\u{b}endsolid\n\u{a0}solid\n", "\0\n"]
+    {
+        for next in [stl_text(" b"), stl_text("").replacen("solid\n", "", 1), stl_text(" b").to_uppercase()] {
+            let mesh = read(MeshFormat::Stl, format!("{one}{between}{next}of no interest\n"));
+            let mesh = mesh.unwrap_or_else(|error| panic!("{error}: {between:?} {next}"));
+            assert_eq!(soup(&mesh), [fan(), fan()].concat(), "{between:?} {next}");
+        }
+    }
+    assert_eq!(
+        refused(MeshFormat::Stl, format!("{one}solid x\n")),
+        format!("test: the file ends in facet 3: {STL_STEPS}")
+    );
+    let facet = format!("test:18: facet 3 cannot be understood: {STL_STEPS}");
+    assert_eq!(refused(MeshFormat::Stl, format!("{one}facett normal 0 0 1\n  vertex 0 0 0\n")), facet);
     assert!(refused(MeshFormat::Stl, format!("{one}solid b\nfacet normal 0 0 1\n")).contains("facet 3"));
 }
 
 #[test]
 fn a_bad_stl_file_is_refused_at_its_facet() {
-    let steps = "expected facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
+    let steps = STL_STEPS;
     let text = stl_text(" x");
     for (good, bad, expected) in [
-        ("vertex 1 0 0e0", "vertex 1 0", format!("test: facet 1 cannot be understood: {steps}")),
-        ("vertex 1 0 0e0", "vertex 1 0 nan", format!("test: facet 1 cannot be understood: {steps}")),
-        ("vertex 0 1 -2.5e-7", "vertex 0 1 1e39", format!("test: facet 2 cannot be understood: {steps}")),
-        ("endloop", "end", format!("test: facet 1 cannot be understood: {steps}")),
+        ("vertex 1 0 0e0", "vertex 1 0", format!("test:5: facet 1 cannot be understood: {steps}")),
+        ("vertex 1 0 0e0", "vertex 1 0 nan", format!("test:5: facet 1 cannot be understood: {steps}")),
+        ("vertex 0 1 -2.5e-7", "vertex 0 1 1e39", format!("test:13: facet 2 cannot be understood: {steps}")),
+        ("endloop", "end", format!("test:7: facet 1 cannot be understood: {steps}")),
         ("endsolid x\n", "", format!("test: the file ends in facet 3: {steps}")),
     ] {
         assert!(text.contains(good), "{good}");

@@ -38,7 +38,7 @@ pub(super) fn colour(text: &[u8]) -> Option<Vec3> {
 }
 
 /// A finite number, rounded to f32.
-fn number(word: &[u8]) -> Option<f32> {
+pub(super) fn number(word: &[u8]) -> Option<f32> {
     str::from_utf8(word).ok()?.parse().ok().filter(|value: &f32| value.is_finite())
 }
 

@@ -1,10 +1,11 @@
-//! STL: binary piece by piece, and text, whose facets stl_io reads.
+//! STL: binary piece by piece, and text line by line.
 
-use std::io::{Cursor, ErrorKind, Read};
+use std::io::Read;
 
 use glam::Vec3;
 
 use super::fault::not_finite;
+use super::materials::number;
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 
@@ -53,26 +54,6 @@ impl Corners {
 /// The number of facets that a binary file claims.
 fn claimed(source: &[u8]) -> Option<u32> {
     source.get(TITLE..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
-}
-
-/// Merges several solids into one, since stl_io reads only the first: the lines between them, at which one ends and the
-/// next begins, become blank.
-fn join_solids(source: &mut [u8]) {
-    let is = |line: &[u8], word: &[u8]| line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()) == Some(word);
-    let (mut ended, mut at) = (None, 0);
-    while at < source.len() {
-        let end = source[at..].iter().position(|byte| *byte == b'\n').map_or(source.len(), |end| at + end);
-        let line = &source[at..end];
-        if is(line, b"endsolid") {
-            ended = Some(at);
-        } else if !line.trim_ascii().is_empty()
-            && let Some(from) = ended.take()
-            && is(line, b"solid")
-        {
-            source[from..end].iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
-        }
-        at = end + 1;
-    }
 }
 
 /// The mesh of a file of this length; None if that cannot be read.
@@ -125,32 +106,41 @@ fn nowhere(facet: usize, corner: usize) -> MeshError {
     not_finite(&format!("facet {facet}'s vertex {}", corner + 1))
 }
 
+/// Reads all solids as one mesh. What stands between them is passed over, unless it may be part of a facet.
 fn text(mut source: Vec<u8>) -> Result<Mesh, MeshError> {
-    join_solids(&mut source);
-    if source.get(5).is_none_or(|&after| after != b' ') {
-        // A solid without a name; stl_io expects the space before it.
-        source.insert(5, b' ');
-    }
+    const STEPS: &str =
+        "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
+    // Expected is: 0 a facet or the end of its solid, 1 its loop, 2 to 4 its vertices, 5 and 6 its ends, 7 a solid.
+    source.make_ascii_lowercase();
     let (mut vertices, mut triangles) = (Corners::new(Vec::new()), Vec::new());
-    let mut cursor = Cursor::new(source);
-    let facets = stl_io::create_stl_reader(&mut cursor).map_err(|error| MeshError::new(error.to_string()))?;
-    for (number, facet) in (1..).zip(facets) {
-        let facet = facet.map_err(|error| {
-            let end = error.kind() == ErrorKind::UnexpectedEof;
-            let fault = MeshError::new(if end {
-                format!("the file ends in facet {number}")
-            } else {
-                format!("facet {number} cannot be understood")
-            });
-            fault.expected(
-                "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid",
-            )
-        })?;
-        let corners = facet.vertices.map(|vertex| Vec3::from_array(vertex.0));
-        if let Some(corner) = corners.iter().position(|corner| !corner.is_finite()) {
-            return Err(nowhere(number, corner));
-        }
-        triangles.push(corners.map(|corner| vertices.vertex(corner)));
+    let (mut expected, mut triangle, mut words) = (0, [0; 3], Vec::new());
+    for (line, text) in (2..).zip(source.split(|byte| *byte == b'\n').skip(1)) {
+        words.clear();
+        words.extend(text.split(|byte| !byte.is_ascii_graphic()).filter(|word| !word.is_empty()));
+        let facet = triangles.len() + 1;
+        let misread = || MeshError::new(format!("facet {facet} cannot be understood")).line(line).expected(STEPS);
+        expected = match (expected, &words[..]) {
+            (_, []) => expected,
+            (0 | 7, [b"facet", b"normal", _, _, _]) => 1,
+            (1, [b"outer", b"loop"]) => 2,
+            (2..=4, [b"vertex", x, y, z]) => {
+                let point = (|| Some(Vec3::new(number(x)?, number(y)?, number(z)?)))().ok_or_else(misread)?;
+                triangle[expected - 2] = vertices.vertex(point);
+                expected + 1
+            }
+            (5, [b"endloop"]) => 6,
+            (6, [b"endfacet"]) => {
+                triangles.push(triangle);
+                0
+            }
+            (0, [b"endsolid", ..]) => 7,
+            (0 | 7, [b"solid", ..]) => 0,
+            (7, [word, ..]) if *word != b"vertex" => 7,
+            _ => return Err(misread()),
+        };
+    }
+    if expected != 7 {
+        return Err(MeshError::new(format!("the file ends in facet {}", triangles.len() + 1)).expected(STEPS));
     }
     Ok(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() })
 }

@@ -98,12 +98,15 @@ impl Mesh {
     }
 
     fn write_stl(&self, out: &mut impl Write) -> io::Result<()> {
-        let facets = self.triangles.iter().map(|&triangle| {
+        out.write_all(&[0; 80])?;
+        out.write_all(&(self.triangles.len() as u32).to_le_bytes())?;
+        for &triangle in &self.triangles {
             let [a, b, c] = self.corners(triangle);
             let normal = (b - a).as_dvec3().cross((c - a).as_dvec3()).normalize_or_zero().as_vec3();
-            let vertices = [a, b, c].map(|vertex| stl_io::Vertex::new(vertex.to_array()));
-            stl_io::Triangle { normal: stl_io::Normal::new(normal.to_array()), vertices }
-        });
-        stl_io::write_stl(out, facets)
+            let points = [normal, a, b, c].map(|it| it.to_array().map(f32::to_le_bytes));
+            out.write_all(points.as_flattened().as_flattened())?;
+            out.write_all(&[0; 2])?;
+        }
+        Ok(())
     }
 }
