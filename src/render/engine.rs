@@ -57,19 +57,16 @@ pub enum Precision {
 pub enum EngineError {
     /// No engine of that name in this build.
     #[error(
-        "there is no engine `{}`{}{}; this build has: {}",
+        "there is no engine `{}`{}; this build has: {}",
         brief(name),
-        if *known { " in this build" } else { "" },
-        near.map_or_else(String::new, |near| format!(", did you mean `{near}`?")),
+        near.map_or("".into(), |n| if n == name { " in this build".into() } else { format!(", did you mean `{n}`?") }),
         available()
     )]
     Unknown {
         /// The name given.
         name: String,
-        /// The engine of that name but for capitals and punctuation.
-        near: Option<Engine>,
-        /// Whether another build has it.
-        known: bool,
+        /// The name of an engine of any build that is given or was probably meant.
+        near: Option<&'static str>,
     },
     /// This CPU does not support it.
     #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = available())]
@@ -238,14 +235,11 @@ impl FromStr for Engine {
             return Ok(Engine::fastest());
         }
         let engine = Engine::ALL.iter().find(|engine| engine.name() == name);
-        let elsewhere = ["c", "paper", "sse41", "avx2", "avx512"];
+        let names = ["reference", "rust", "c", "paper", "portable", "sse41", "avx2", "avx512", "auto"];
         let plain = name.replace(|c: char| !c.is_ascii_alphanumeric(), "").to_ascii_lowercase();
-        let near = Engine::ALL.iter().find(|engine| engine.name() == plain).copied();
-        engine.copied().ok_or_else(|| EngineError::Unknown {
-            name: name.into(),
-            near,
-            known: elsewhere.contains(&name),
-        })
+        let near = names.map(|name| (strsim::damerau_levenshtein(&plain, name), name)).into_iter().min();
+        let near = near.filter(|(apart, near)| *apart < near.len().min(3)).map(|(_, near)| near);
+        engine.copied().ok_or_else(|| EngineError::Unknown { name: name.into(), near })
     }
 }
 

@@ -213,6 +213,18 @@ fn an_unknown_engine_or_precision_is_refused_with_a_list() {
     for (arguments, message) in [
         ("--engine nope", format!("error: there is no engine `nope`; this build has: {all}")),
         ("--engine Rust", format!("error: there is no engine `Rust`, did you mean `rust`?; this build has: {all}")),
+        // Those that this machine or this build lacks too.
+        ("--engine avx51", format!("error: there is no engine `avx51`, did you mean `avx512`?; this build has: {all}")),
+        (
+            "--engine AVX_512",
+            format!("error: there is no engine `AVX_512`, did you mean `avx512`?; this build has: {all}"),
+        ),
+        (
+            "--engine papper",
+            format!("error: there is no engine `papper`, did you mean `paper`?; this build has: {all}"),
+        ),
+        ("--engine atuo", format!("error: there is no engine `atuo`, did you mean `auto`?; this build has: {all}")),
+        ("--engine x", format!("error: there is no engine `x`; this build has: {all}")),
     ] {
         place.refuses(&format!("render scene.in {arguments}"), 2, &message);
     }
