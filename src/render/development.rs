@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::edges::Edges;
 use super::film::with_pixels;
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED, existing};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED, assert_rows, existing};
 use crate::kernels::Vec4;
 use crate::scene::{Camera, CameraError};
 
@@ -81,7 +81,7 @@ impl<'a> Developed<'a> {
 
     /// Develops the pixels of all rows, or only those at `edges`; returns the sum of the tracer's counts of hits.
     fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
-        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        assert_rows(&rows, [self.width as u32, self.height], out.len());
         let Development { samples, background, exposure, srgb } = self.development;
         let scale = exposure.exp2() / f64::from(samples * samples);
         // The level of one sample is that of its light.

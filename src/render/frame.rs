@@ -9,7 +9,7 @@ use glam::DVec3;
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
-use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, existing};
+use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, assert_rows, existing};
 use crate::plan::Team;
 use crate::scene::Camera;
 
@@ -193,7 +193,7 @@ impl<'a> Frame<'a> {
         done: &(dyn Fn(u32) + Sync),
     ) {
         let width = self.camera.width() as usize;
-        assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
+        assert_rows(&rows, [self.camera.width(), self.camera.height()], film.len());
         let task_rows = self.task_rows();
         // Rows that cost least together stay so: half of a tile takes four fifths of its time.
         let together = self.tracer.rows_together();

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::tiles::{Interleaved, TileTracer};
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted, existing};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted, assert_rows, existing};
 use crate::kernels::{
     Element, ElementKernels, LIT_ROWS, LitBodies, LitRow, LitRows, LitSphere, Narrow, PacketKernels, Plain, Rgba8,
     ShadeRows, Vec4, sys,
@@ -158,7 +158,7 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         let streaming = is_past_caches(self.pixels, out.format());
-        assert_eq!(out.len(), rows.len() * self.width(), "the film must have the size of the rows");
+        assert_rows(&rows, [self.scene.camera.width(), self.scene.camera.height()], out.len());
         match out {
             FilmMut::F32x4(out) => self.trace(rows, out, streaming),
             FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3),

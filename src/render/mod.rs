@@ -72,14 +72,14 @@ pub trait Tracer: Sync {
     /// shade them with estimates that are too coarse for floats, with the same hits and at most one level away.
     ///
     /// # Panics
-    /// If `out` is not as long as the rows, or of a format that it does not write.
+    /// If the picture has no such rows, or `out` is not as long as they are, or of a format that it does not write.
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
 
     /// As [`counted_rows`](Self::counted_rows), in four floats, to be developed: a ray without a hit has the light
     /// `background`, and pixels that are not `wanted` may be left as they are.
     ///
     /// # Panics
-    /// If there is a background and it has none, as a tracer that is not an engine's.
+    /// As `rows`; and if there is a background and it has none, as a tracer that is not an engine's.
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
         let _ = wanted;
         assert_eq!(background, Vec4::default(), "this tracer has no background");
@@ -110,6 +110,12 @@ pub trait Tracer: Sync {
 
 /// The range of these rows, from the first to the last, that have wanted pixels in these columns.
 pub type Wanted<'a> = dyn Fn(Range<u32>, Range<u32>) -> Range<u32> + 'a;
+
+/// Panics unless a picture of this size has `rows`, and a film their number of pixels.
+fn assert_rows(rows: &Range<u32>, [width, height]: [u32; 2], film: usize) {
+    assert!(rows.end <= height, "the picture has no such rows");
+    assert_eq!(film, rows.len() * width as usize, "the film must have the size of the rows");
+}
 
 /// Those of `rows` that a picture of this height has.
 fn existing(rows: Range<u32>, height: u32) -> Range<u32> {

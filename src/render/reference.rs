@@ -5,7 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::film::with_pixels;
-use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing_pixels, is_wanted};
+use super::{
+    Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, assert_rows, existing_pixels, is_wanted,
+};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene};
@@ -141,12 +143,13 @@ impl Tracer for ReferenceTracer {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        assert_eq!(out.len(), rows.len() * self.size[0] as usize, "the film must have the size of the rows");
+        assert_rows(&rows, self.size, out.len());
         let pixels = existing_pixels(rows, self.size).map(|(row, col)| self.colour(row, col));
         with_pixels!(FilmMut(out) = out => pixels.zip(out).for_each(|(colour, out)| *out = Pixel::of_colour(colour)));
     }
 
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        assert_rows(&rows, self.size, out.len());
         let pixels = existing_pixels(rows, self.size).zip(out);
         for ((row, col), out) in pixels.filter(|((row, col), _)| is_wanted(wanted, *row, *col)) {
             *out = self.colour_of_hit(row, col).map_or(background, Pixel::of_colour);

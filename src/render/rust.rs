@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
 use super::reference::ReferenceTracer;
-use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, existing_pixels, is_wanted};
+use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, assert_rows, existing_pixels, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{self, Grid, Object, Scene};
@@ -194,7 +194,7 @@ impl RustTracer {
         background: Vec4,
         out: &mut [Vec4],
     ) {
-        assert_eq!(out.len(), rows.len() * self.size[0] as usize, "the film must have the size of the rows");
+        assert_rows(&rows, self.size, out.len());
         for (row, out) in rows.zip(out.chunks_exact_mut(self.size[0] as usize)) {
             for (col, out) in (0..self.size[0]).zip(out).filter(|(col, _)| is_wanted(row, *col)) {
                 let light = self.hit(self.grid.ray(row, col).into()).map(&shade);

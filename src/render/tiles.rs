@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use self::nearest::{Scratch, SoFar, TileObjects};
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, assert_rows, existing};
 use crate::kernels::{
     Element, ElementKernels, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4,
@@ -132,7 +132,7 @@ impl<E: Element> TileTracer<'_, E> {
         mut misses: Misses<P>,
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
-        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
+        assert_rows(&rows, self.plan.size(), out.len());
         let (mut scratches, rest) = (self.scratches(), misses.rest.unwrap_or(P::of_linear(&Vec4::ZERO)));
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let first = first_pixel(window, &rows, width);
@@ -154,7 +154,7 @@ impl<E: Element> TileTracer<'_, E> {
         hits: Option<u64>,
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
-        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
+        assert_rows(&rows, self.plan.size(), out.len());
         let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {

@@ -1,11 +1,13 @@
 //! The engines agree: with the reference on every scene, with each other, and with themselves on any number of threads.
 
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use crate::contenders::{Truth, contenders, film};
 use crate::extent;
 use glam::DVec3;
+use rayo::kernels::Vec4;
 use rayo::render::{Developed, Development, Engine, Film, FilmMut, Frame, PixelFormat, Settings};
 use rayo::scene::{self, Camera, Object, Scene, Sphere, many};
 
@@ -140,6 +142,29 @@ fn rows_that_a_picture_has_not_have_no_hits_and_take_no_memory() {
             }
             assert_eq!(frame.count(1..u32::MAX), tracer.count(1..height), "{contender}");
             assert!(frame.film(PixelFormat::Rgb8, u32::MAX).is_err() && frame.film(PixelFormat::Rgb8, height).is_ok());
+        }
+    }
+}
+
+#[test]
+fn rows_that_a_picture_has_not_are_traced_by_no_engine() {
+    let [many_objects, sphere] = [many(20, 20, 3), many(1, 0, 3)];
+    for (scene, width, height) in [(&many_objects, 61, 33), (&sphere, 61, 33), (&many_objects, 65_600, 2)] {
+        let lights = scene.lights[..1].to_vec();
+        let scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), lights, ..scene.clone() };
+        for contender in contenders() {
+            let tracer = contender.prepare(&scene);
+            let developed = Developed::new(&*tracer, &scene.camera, Development::default());
+            let mut pixels = vec![Vec4::default(); width as usize * (height as usize + 1)];
+            for (rows, tracer) in [0..height + 1, height..height + 1].into_iter().zip([&*tracer, &developed]) {
+                let own = &mut pixels[..width as usize * rows.len()];
+                let mut refused = |trace: &mut dyn FnMut(&mut [Vec4])| {
+                    let panic = catch_unwind(AssertUnwindSafe(|| trace(own))).expect_err("a panic");
+                    assert_eq!(panic.downcast_ref(), Some(&"the picture has no such rows"), "{contender}: {rows:?}");
+                };
+                refused(&mut |own| tracer.rows(rows.clone(), FilmMut::F32x4(own)));
+                refused(&mut |own| _ = tracer.light(rows.clone(), &|rows, _| rows, Vec4::default(), own));
+            }
         }
     }
 }

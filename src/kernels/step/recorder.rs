@@ -254,7 +254,7 @@ fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize
     Some((address, instruction.memory_size().size().min(64)))
 }
 
-/// Copies an instruction's memory at `address`; elements that its mask excludes stay 0.
+/// Copies an instruction's memory at `address`; elements that its mask excludes stay 0. No kernel compresses to memory.
 ///
 /// # Safety
 /// It is being executed with the mask registers of `state`, and accesses what [`operand`] says.

@@ -6,7 +6,7 @@ use super::TileTracer;
 use crate::kernels::{Element, Vec4};
 use crate::plan::{Report, TileSurvey};
 use crate::render::film::with_pixels;
-use crate::render::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing};
+use crate::render::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, assert_rows, existing};
 use crate::scene::Camera;
 
 /// A scene planned for the [rasters](crate::plan::Raster::of) of its picture.
@@ -59,7 +59,7 @@ impl<E: Element> Tracer for Interleaved<'_, E> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        assert_eq!(out.len(), rows.len() * self.size[0], "the film must have the size of the rows");
+        assert_rows(&rows, self.size.map(|side| side as u32), out.len());
         with_pixels!(FilmMut(out) = out => self.each_part(&rows, |part, own, place| {
             let mut pixels = vec![out[0]; own.len() * part.plan.size()[0] as usize];
             part.rows(own, Pixel::film(&mut pixels));
@@ -68,6 +68,7 @@ impl<E: Element> Tracer for Interleaved<'_, E> {
     }
 
     fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        assert_rows(&rows, self.size.map(|side| side as u32), out.len());
         let mut counted = Some(Counted::default());
         self.each_part(&rows, |part, own, place| {
             let mut pixels = vec![Vec4::default(); own.len() * part.plan.size()[0] as usize];
