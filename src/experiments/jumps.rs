@@ -157,7 +157,7 @@ pub fn run(
                     // Pages are untouched once.
                     let mut fresh = if *touched { None } else { Some(fresh(pixels as usize)?) };
                     let before = core_cycles_per_tick();
-                    let (faults, cpu) = (sys::page_faults(), sys::thread_cpu_time());
+                    let (faults, cpu) = (sys::Usage::of_this_thread().page_faults, sys::thread_cpu_time());
                     let ticks = clock.time(&mut || {
                         let out = match &mut fresh {
                             Some(fresh) => FilmMut::F32x4(fresh.as_mut_slice()),
@@ -167,7 +167,7 @@ pub fn run(
                     }) as f64;
                     let cpu = (sys::thread_cpu_time() - cpu).as_secs_f64();
                     let own = machine.tsc_hz.map_or(ticks, |hz| (cpu * hz).min(ticks));
-                    beside.faults.push((sys::page_faults() - faults) as f64);
+                    beside.faults.push((sys::Usage::of_this_thread().page_faults - faults) as f64);
                     beside.ticks.push(ticks);
                     beside.own.push(own);
                     beside.clock.push((before + core_cycles_per_tick()) / 2.0);

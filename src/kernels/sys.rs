@@ -3,6 +3,21 @@
 use std::io;
 #[cfg(feature = "lab")]
 use std::marker::PhantomData;
+use std::time::Duration;
+
+#[cfg(target_os = "linux")]
+use nix::{
+    sched::{CpuSet, sched_getaffinity, sched_setaffinity},
+    unistd::Pid,
+};
+#[cfg(unix)]
+use nix::{
+    sys::{
+        resource::{UsageWho, getrusage},
+        time::TimeValLike,
+    },
+    time::ClockId,
+};
 
 #[cfg(feature = "lab")]
 use super::types::Plain;
@@ -47,8 +62,7 @@ pub fn tsc_stop() -> u64 {
 /// The core that runs the calling thread at this moment, if the operating system reports it.
 #[cfg(target_os = "linux")]
 pub fn current_core() -> Option<usize> {
-    // SAFETY: takes nothing, gives a number.
-    usize::try_from(unsafe { libc::sched_getcpu() }).ok()
+    nix::sched::sched_getcpu().ok()
 }
 
 /// The core that runs the calling thread is unknown on this system.
@@ -71,10 +85,8 @@ pub fn is_ignored(signal: i32) -> bool {
 pub fn has_small_stack() -> bool {
     #[cfg(unix)]
     {
-        let mut limit = libc::rlimit { rlim_cur: libc::RLIM_INFINITY, rlim_max: libc::RLIM_INFINITY };
-        // SAFETY: the structure is ours to write.
-        unsafe { libc::getrlimit(libc::RLIMIT_STACK, &mut limit) };
-        limit.rlim_cur < 1 << 20
+        use nix::sys::resource::{Resource, getrlimit};
+        getrlimit(Resource::RLIMIT_STACK).is_ok_and(|(limit, _)| limit < 1 << 20)
     }
     #[cfg(not(unix))]
     false
@@ -136,13 +148,8 @@ pub fn pin_to_this_core() -> io::Result<usize> {
 /// Pins the calling thread to that core.
 #[cfg(target_os = "linux")]
 pub fn pin_to(core: usize) -> io::Result<()> {
-    // SAFETY: a set of bits, for which all 0 is a value.
-    let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
-    if core >= 8 * size_of_val(&set) {
-        return Err(io::Error::other("this core's number is beyond what a set of cores holds"));
-    }
-    // SAFETY: the core is within the set, as just checked.
-    unsafe { libc::CPU_SET(core, &mut set) };
+    let mut set = CpuSet::new();
+    set.set(core).map_err(|_| io::Error::other("this core's number is beyond what a set of cores holds"))?;
     Cores(set).allow()
 }
 
@@ -184,34 +191,23 @@ fn large_pages<T>(_: &mut Vec<T>) {}
 /// The cores that a thread may run on.
 #[cfg(target_os = "linux")]
 #[derive(Clone, Copy)]
-pub struct Cores(libc::cpu_set_t);
+pub struct Cores(CpuSet);
 
 #[cfg(target_os = "linux")]
 impl Cores {
     /// The cores of the calling thread.
     pub fn of_this_thread() -> io::Result<Self> {
-        // SAFETY: a set of bits, for which all 0 is a value.
-        let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
-        // SAFETY: 0 is the calling thread, the set is ours to write and its size is given.
-        match unsafe { libc::sched_getaffinity(0, size_of_val(&set), &mut set) } {
-            0 => Ok(Cores(set)),
-            _ => Err(io::Error::last_os_error()),
-        }
+        Ok(Cores(sched_getaffinity(Pid::from_raw(0))?))
     }
 
     /// The number of cores, at least 1.
     pub fn count(&self) -> usize {
-        // SAFETY: the set was filled when it was made.
-        (unsafe { libc::CPU_COUNT(&self.0) }).try_into().unwrap_or(1).max(1)
+        (0..CpuSet::count()).filter(|core| self.0.is_set(*core) == Ok(true)).count().max(1)
     }
 
     /// Lets the calling thread, and those that it starts from now on, run on them.
     pub fn allow(&self) -> io::Result<()> {
-        // SAFETY: 0 is the calling thread, the set is ours and its size is given.
-        match unsafe { libc::sched_setaffinity(0, size_of_val(&self.0), &self.0) } {
-            0 => Ok(()),
-            _ => Err(io::Error::last_os_error()),
-        }
+        Ok(sched_setaffinity(Pid::from_raw(0), &self.0)?)
     }
 }
 
@@ -237,87 +233,59 @@ impl Cores {
     }
 }
 
-/// What a thread, a process or its children have used.
-#[cfg(unix)]
-fn usage(who: libc::c_int) -> libc::rusage {
-    // SAFETY: numbers, for which all bits 0 are a value.
-    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
-    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
-    unsafe { libc::getrusage(who, &mut usage) };
-    usage
-}
-
-/// The page faults so far of the calling thread (or of its process, if threads are not counted): pages touched for the
-/// first time or read from disk.
-#[cfg(unix)]
-pub fn page_faults() -> u64 {
-    #[cfg(target_os = "linux")]
-    const WHO: libc::c_int = libc::RUSAGE_THREAD;
-    #[cfg(not(target_os = "linux"))]
-    const WHO: libc::c_int = libc::RUSAGE_SELF;
-    let usage = usage(WHO);
-    (usage.ru_minflt + usage.ru_majflt).try_into().unwrap_or(0)
-}
-
-/// Page faults are not counted on this system.
-#[cfg(not(unix))]
-pub fn page_faults() -> u64 {
-    0
-}
-
-/// The context switches of a thread.
+/// What a thread or the ended processes have used; nothing where the system does not count it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Switches {
-    /// Involuntary ones.
+pub struct Usage {
+    /// Pages touched for the first time or read from disk.
+    pub page_faults: u64,
+    /// Involuntary context switches.
     pub forced: u64,
     /// Voluntary ones, to wait.
     pub own: u64,
+    /// Time of the CPU, in whole microseconds.
+    pub cpu_time: Duration,
 }
 
-/// The switches of the calling thread so far; none if they are not counted per thread.
-#[cfg(target_os = "linux")]
-pub fn switches() -> Switches {
-    let usage = usage(libc::RUSAGE_THREAD);
-    let count = |n: libc::c_long| n.try_into().unwrap_or(0);
-    Switches { forced: count(usage.ru_nivcsw), own: count(usage.ru_nvcsw) }
+impl Usage {
+    /// Of the calling thread, or of its process where threads are not counted.
+    pub fn of_this_thread() -> Self {
+        #[cfg(target_os = "linux")]
+        return Usage::of(UsageWho::RUSAGE_THREAD);
+        #[cfg(all(unix, not(target_os = "linux")))]
+        return Usage { forced: 0, own: 0, ..Usage::of(UsageWho::RUSAGE_SELF) };
+        #[cfg(not(unix))]
+        Usage::default()
+    }
+
+    /// Of the processes that this one has started and waited for.
+    pub fn of_children() -> Self {
+        #[cfg(unix)]
+        return Usage::of(UsageWho::RUSAGE_CHILDREN);
+        #[cfg(not(unix))]
+        Usage::default()
+    }
+
+    #[cfg(unix)]
+    fn of(who: UsageWho) -> Self {
+        let Ok(usage) = getrusage(who) else { return Usage::default() };
+        let count = |n: libc::c_long| n.try_into().unwrap_or(0);
+        Usage {
+            page_faults: count(usage.minor_page_faults() + usage.major_page_faults()),
+            forced: count(usage.involuntary_context_switches()),
+            own: count(usage.voluntary_context_switches()),
+            cpu_time: Duration::from_micros(
+                (usage.user_time() + usage.system_time()).num_microseconds().unsigned_abs(),
+            ),
+        }
+    }
 }
 
-/// Switches are not counted on this system.
-#[cfg(not(target_os = "linux"))]
-pub fn switches() -> Switches {
-    Switches::default()
-}
-
-/// The CPU time of the calling thread.
-#[cfg(unix)]
-pub fn thread_cpu_time() -> std::time::Duration {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the structure is ours to write. POSIX has the clock; without it the zeros would remain.
-    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
-    std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
-}
-
-/// The CPU time of the processes that this one has started and waited for.
-#[cfg(unix)]
-pub fn children_cpu_time() -> std::time::Duration {
-    let usage = usage(libc::RUSAGE_CHILDREN);
-    let seconds = |time: libc::timeval| {
-        let (seconds, micros) = (time.tv_sec.try_into().unwrap_or(0), time.tv_usec.try_into().unwrap_or(0));
-        std::time::Duration::from_secs(seconds) + std::time::Duration::from_micros(micros)
-    };
-    seconds(usage.ru_utime) + seconds(usage.ru_stime)
-}
-
-/// The time of other processes is unknown on this system.
-#[cfg(not(unix))]
-pub fn children_cpu_time() -> std::time::Duration {
-    std::time::Duration::ZERO
-}
-
-/// The time of a thread is unknown on this system.
-#[cfg(not(unix))]
-pub fn thread_cpu_time() -> std::time::Duration {
-    std::time::Duration::ZERO
+/// The CPU time of the calling thread, none where it is not counted.
+pub fn thread_cpu_time() -> Duration {
+    #[cfg(unix)]
+    return nix::time::clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map_or(Duration::ZERO, Duration::from);
+    #[cfg(not(unix))]
+    Duration::ZERO
 }
 
 /// Multiplications in a round of [`multiply_in_chain`].

@@ -15,7 +15,7 @@ const LOOKS: Duration = Duration::from_micros(20);
 /// threads does not show at all.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
-    switches: sys::Switches,
+    switches: sys::Usage,
     own: Duration,
     start: Instant,
 }
@@ -23,14 +23,14 @@ pub struct Watch {
 impl Watch {
     /// Now.
     pub fn start() -> Self {
-        Watch { switches: sys::switches(), own: sys::thread_cpu_time(), start: Instant::now() }
+        Watch { switches: sys::Usage::of_this_thread(), own: sys::thread_cpu_time(), start: Instant::now() }
     }
 
     /// Whether others have had the core since, and how long this thread had it if its own clock can tell. A thread that has only
     /// waited, for others of its team, has not lost it.
     pub fn read(self) -> (bool, Option<Duration>) {
         let (all, own) = (self.start.elapsed(), sys::thread_cpu_time() - self.own);
-        let now = sys::switches();
+        let now = sys::Usage::of_this_thread();
         let (waited, forced) = (now.own > self.switches.own, now.forced - self.switches.forced);
         let taken = !(waited && forced == 0) && is_taken(all, own);
         (taken, (taken && !waited && tells(own, forced)).then_some(own))
@@ -92,7 +92,7 @@ mod tests {
         let watch = Watch::start();
         std::thread::sleep(Duration::from_millis(5));
         let taken = watch.taken();
-        let forced = sys::switches().forced > watch.switches.forced;
+        let forced = sys::Usage::of_this_thread().forced > watch.switches.forced;
         assert!(forced || !taken);
     }
 }

@@ -98,7 +98,7 @@ pub fn measure(
     let Prepared { clock, stop, machine, cores, core } = prepared;
     let (machine, core) = (machine.clone(), *core);
     let (quick, rounds) = (args.quick, rounds(args, settings));
-    let cpu_time = || sys::thread_cpu_time() + sys::children_cpu_time();
+    let cpu_time = || sys::thread_cpu_time() + sys::Usage::of_children().cpu_time;
     let (start, cpu, ticks) = (Instant::now(), cpu_time(), clock.total);
     speedup::check(settings).map_err(failure)?;
     let instructions = ladder::check(args.ladder, cores, &mut proceed).map_err(failure)?;
