@@ -140,7 +140,7 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
         }
         settings.contenders.retain(|contender| contender.engine == engine);
         if settings.contenders.is_empty() {
-            return Err(Failure::input(format!("this CPU does not run the engine `{engine}`")));
+            return Err(Failure::input(crate::render::EngineError::Unusable(engine)));
         }
     }
     if let Some(path) = &args.limits {

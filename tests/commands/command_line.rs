@@ -258,6 +258,24 @@ fn the_environment_names_an_engine_and_an_option_overrides_it() {
 }
 
 #[test]
+fn an_engine_that_this_cpu_does_not_run_is_refused_alike_by_every_command() {
+    let (place, list) = (Place::new(), engines());
+    for engine in Engine::ALL.iter().filter(|engine| !engine.usable()) {
+        let message = format!("error: this CPU does not run the engine `{engine}`; it runs: {list}");
+        for command in [
+            "render scene.in --engine",
+            "plan scene.in --engine",
+            "step scene.in --engine",
+            "step --op dot --a 1,2,3 --b 1,2,3 --engine",
+            "stability --engine",
+            "experiment --engines",
+        ] {
+            place.refuses(&format!("{command} {engine}"), 2, &message);
+        }
+    }
+}
+
+#[test]
 fn what_only_another_build_has_is_refused_as_such() {
     let place = Place::new();
     let list = engines();
