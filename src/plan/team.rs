@@ -16,8 +16,8 @@ use crate::kernels::sys::cores;
 /// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
 
-/// The most threads of a team: no machine has more cores.
-pub const MAX_THREADS: usize = 4096;
+/// The most threads of a team: more than machines have cores. Four times as many look for work in each other's queues for minutes.
+pub const MAX_THREADS: usize = 1024;
 
 /// A thread, and others that help it.
 pub struct Team {

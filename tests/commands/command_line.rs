@@ -177,7 +177,7 @@ fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
     for (option, name, values, expected) in [
         ("--size", "<WxH>", "axb 5 x 5xx -1x5 4294967296x1", size),
         ("--film", "<DIAGONAL>", "one", float),
-        ("--threads", "<N>", "0 -2 99999999 two", "expected a whole number from 1 to 4096"),
+        ("--threads", "<N>", "0 -2 1025 two", "expected a whole number from 1 to 1024"),
         ("--orbit", "<N>", "0 100001 1.5", "expected a whole number from 1 to 100000"),
     ] {
         for value in values.split(' ') {
