@@ -20,6 +20,8 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
             entries.push((shape(&point.scene), GREY, label));
         }
     }
+    let levels = |peak: &super::Peak| format!("{}: at most {:.0}", peak.isa, peak.flops_per_cycle);
+    entries.extend(peaks.iter().map(|peak| (Mark::Line, colour_of(&peak.isa), levels(peak))));
     let slopes = roofs.iter().map(|roof| format!("{}: {:.1} bytes a cycle", roof.level, roof.bytes_per_cycle));
     entries.extend(slopes.map(|label| (Mark::Line, GREY, label)));
     let highest = peaks.iter().map(|peak| peak.flops_per_cycle).fold(1.0, f64::max);
@@ -27,16 +29,10 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
     let x = around(points.iter().map(|point| at(point).0).chain([0.1, 100.0]), (0.7, 1.5));
     draw(screen.size(SIZE), |area| {
         let area = head(area, "Roofline: arithmetic of f32 against what is written, one thread", &entries)?;
-        let mut names: Vec<(String, (f64, f64))> = Vec::new();
         let mut series = Vec::new();
         for peak in peaks {
             let level = peak.flops_per_cycle;
             series.push(Series::line([(x.start, level), (x.end, level)], colour_of(&peak.isa), 1));
-            // Equal peaks share a line.
-            match names.iter_mut().find(|(_, (_, other))| (other / (1.25 * level)).ln().abs() < 0.05) {
-                Some((name, _)) => *name = format!("{}, {name}", peak.isa),
-                None => names.push((format!("{}: {level:.0}", peak.isa), (x.start, 1.25 * level))),
-            }
         }
         for roof in roofs {
             let slope = roof.bytes_per_cycle;
@@ -49,6 +45,6 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
         }
         let x = (x.clone(), "operations by the byte of the picture");
         let y = (0.5 * lowest..2.0 * highest, "operations in a TSC cycle");
-        LogChart { x, y, series, names }.draw(&area, ALONE)
+        LogChart { x, y, series, names: Vec::new() }.draw(&area, ALONE)
     })
 }
