@@ -24,7 +24,7 @@ use crate::scene::shown;
   rayo report --from out/report --out out/again
   rayo report --from desktop laptop --out out/both")]
 pub struct ReportArgs {
-    /// Few runs and small pictures: about a minute
+    /// Few runs and small pictures: a minute or two
     #[arg(long, conflicts_with = "from")]
     quick: bool,
     /// Measure nothing, but take a machine's results from this directory; those of several are shown side by side

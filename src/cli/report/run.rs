@@ -24,11 +24,11 @@ use crate::render::{Engine, Plan, Purpose};
 /// Seconds that a stage may take, quick and not: how the bar is divided.
 fn seconds(stage: Stage) -> (f64, f64) {
     match stage {
-        Stage::Experiment => (18.0, 300.0),
+        Stage::Experiment => (25.0, 300.0),
         Stage::Ops => (5.0, 12.0),
         Stage::Roofline => (3.0, 8.0),
         Stage::Accuracy => (9.0, 400.0),
-        Stage::Stability => (18.0, 2000.0),
+        Stage::Stability => (50.0, 2000.0),
         Stage::Complexity => (1.0, 400.0),
         Stage::Threads => (1.0, 4.0),
         Stage::Plans => (4.0, 40.0),
