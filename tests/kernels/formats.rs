@@ -68,6 +68,8 @@ fn assembled(folder: &Path) -> Vec<PathBuf> {
             let object = folder.join(format).join(format!("{unit}.o"));
             fs::create_dir_all(object.parent().unwrap()).unwrap();
             let mut nasm = Command::new(env::var("NASM").unwrap_or("nasm".into()));
+            // As build.rs has it in builds that are not optimised.
+            nasm.args(cfg!(debug_assertions).then_some("-O1"));
             nasm.args(["-Wall", "-Werror", "-f", format, "-i"])
                 .arg(format!("{}/", asm.display()))
                 .arg("-o")
