@@ -59,7 +59,11 @@ pub struct Developed<'a> {
 
 impl<'a> Developed<'a> {
     /// The picture of `camera`; `tracer` traces [`Development::camera`] in [`PixelFormat::F32x4`].
+    ///
+    /// # Panics
+    /// If there is no such camera.
     pub fn new(tracer: &'a dyn Tracer, camera: &Camera, development: Development) -> Self {
+        development.camera(camera).expect("a pixel has a sample, and a picture no more of them than it may have");
         let (width, height) = (camera.width() as usize, camera.height());
         Developed { tracer, plain: None, width, height, development, spare: Mutex::default() }
     }
@@ -263,6 +267,14 @@ mod tests {
     fn scene() -> Scene {
         let scene = many(20, 20, 3);
         Scene { camera: scene.camera.sized(48, 36).unwrap(), ..scene }
+    }
+
+    #[test]
+    #[should_panic(expected = "a pixel has a sample")]
+    fn pixels_without_samples_are_refused() {
+        let scene = scene();
+        let tracer = Engine::Rust.prepare(None, &scene).unwrap();
+        Developed::new(tracer.as_ref(), &scene.camera, Development { samples: 0, ..Development::default() });
     }
 
     #[test]
