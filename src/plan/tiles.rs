@@ -352,8 +352,9 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn is_valid(&self) -> bool {
         let valid = |extremes: Extremes| {
             let Extremes { most, least, brightest, .. } = extremes;
-            // As bits, -0 is above all non-negative numbers: then nothing is known of the others.
-            most.is_finite() && least > 0.0 && brightest.is_sign_positive() && brightest.is_finite()
+            // As bits, -0 and negative numbers are above all others, of which nothing is known then.
+            let fine = |most: f32| most.is_sign_positive() && most.is_finite();
+            fine(most) && least > 0.0 && fine(brightest)
         };
         self.binned.extremes.is_none_or(valid)
     }

@@ -300,9 +300,11 @@ fn a_picture_with_a_side_of_more_than_16_bits_is_that_of_the_reference() {
 #[test]
 fn planning_sees_what_is_invalid_among_all_others() {
     type Spoil = fn(&mut Scene);
-    let spoils: [(&str, Spoil); 6] = [
+    let spoils: [(&str, Spoil); 8] = [
         ("light 2's intensity must be finite and at least 0, not -1", |scene| scene.lights[1].intensity = -1.0),
         ("sphere 7's radius", |scene| scene.spheres[6].radius = 0.0),
+        ("sphere 7's radius", |scene| scene.spheres[6].radius = -0.0),
+        ("sphere 7's radius", |scene| scene.spheres[6].radius = -1.0),
         ("sphere 7's centre", |scene| scene.spheres[6].centre.y = f32::NAN),
         ("sphere 7's colour", |scene| scene.spheres[6].colour.y = -1.0),
         ("triangle 7's vertices", |scene| scene.triangles[6].vertices[1].x = f32::INFINITY),
