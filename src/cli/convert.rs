@@ -71,7 +71,9 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
             write(output, |out| out.write_all(text.as_bytes()))?;
         }
         (_, to) => {
-            let scene = tell(open(input, &Camera::default())?, *quiet);
+            let opened = open(input, &Camera::default())?;
+            keep_apart(output, opened.meshes.iter().map(|mesh| &**mesh))?;
+            let scene = tell(opened, *quiet);
             write_scene(&scene, output, to)?;
         }
     }

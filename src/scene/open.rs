@@ -187,7 +187,7 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
         shown(path)
     ));
     let warnings = no_area_of_mesh(path, &scene.faces).into_iter().collect();
-    Ok(Opened { scene, up: above, notes, warnings })
+    Ok(Opened { scene, up: above, meshes: Vec::new(), notes, warnings })
 }
 
 /// A warning of the triangles of a mesh that have no area, which are often its seams: their number, and the first of

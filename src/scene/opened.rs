@@ -1,5 +1,7 @@
 //! A scene that was read, with its reader's notes and warnings.
 
+use std::path::PathBuf;
+
 use glam::DVec3;
 
 use super::Scene;
@@ -12,6 +14,8 @@ pub struct Opened {
     pub scene: Scene,
     /// The world's up in the camera's frame: of length 1.
     pub up: DVec3,
+    /// The mesh files that it names.
+    pub meshes: Vec<PathBuf>,
     /// What was done or assumed without being asked for, a line each.
     pub notes: Vec<String>,
     /// What is probably a mistake in the file, a line each.

@@ -174,7 +174,7 @@ impl Reader<'_> {
             }
             triangles.push(triangle);
         }
-        let (mut told, mut warnings, mut faces) = (Vec::new(), Vec::new(), Faces::default());
+        let (mut meshes, mut told, mut warnings, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Faces::default());
         for fields in self.list(&root, "mesh", &["file", "colour", "scale", "rotate", "translate"]) {
             let colour = self.colour(&fields);
             let placement = self.placement(&fields);
@@ -182,7 +182,8 @@ impl Reader<'_> {
             if let Some(file) = file.filter(|_| self.notes.is_empty()) {
                 let map = to_camera.of_placed(&placement);
                 let placed = self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default();
-                warnings.extend(no_area_of_mesh(&self.folder.join(file), &placed));
+                meshes.push(self.folder.join(file));
+                warnings.extend(meshes.last().and_then(|path| no_area_of_mesh(path, &placed)));
                 if !faces.append(placed) {
                     let message = format!("{} and those before it have too many vertices", fields.owner);
                     self.note(fields.span.clone(), &message, &format!("at most {}", Faces::MOST_VERTICES));
@@ -195,7 +196,7 @@ impl Reader<'_> {
         // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
         let scene = Scene { name: file, camera, lights, spheres, triangles, faces, shadows };
-        Some(Opened { scene, up, notes: told, warnings })
+        Some(Opened { scene, up, meshes, notes: told, warnings })
     }
 
     /// The file name, the width and the height of the picture, and whether it has shadows.
