@@ -27,9 +27,11 @@ pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub(crate) use diagnostic::brief;
 #[cfg(feature = "render")]
 pub(crate) use diagnostic::is_unseen;
-pub use diagnostic::{Diagnostic, SceneError};
 #[cfg(feature = "files")]
-pub(crate) use diagnostic::{printable, shown};
+#[cfg(feature = "render")]
+pub(crate) use diagnostic::printable;
+pub(crate) use diagnostic::shown;
+pub use diagnostic::{Diagnostic, SceneError};
 pub use mesh::{Mesh, MeshError, MeshFormat};
 #[cfg(feature = "render")]
 pub(crate) use open::picture_name;

@@ -57,7 +57,7 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
     let mesh = read(MeshFormat::Obj, format!("{vertices}v 1 2 3\nv 1 2 3 -1 0 0\nf 5 5 6\nf 1 2 3")).unwrap();
     assert_eq!(colours(&mesh), [[1.0; 3], RED]);
     assert!(
-        read(MeshFormat::Obj, format!("{OBJ_SQUARE}v 0 0 0 1 2\nvn 0 0 1\nvt 0 0\nf 1 2 3"))
+        read(MeshFormat::Obj, format!("{OBJ_SQUARE}v 0 0 0 1 2\nvn 0 0 1\nvt 0 0\nf 1 2 3 # red"))
             .unwrap()
             .colours
             .is_empty()
@@ -802,5 +802,24 @@ fn a_ply_file_is_read_alike_in_either_byte_order_whatever_it_has_and_wherever_it
             numbers[at] = wrong;
             assert!(read_both(&numbers, length).is_err());
         }
+    }
+}
+
+/// A header that counts less than there is does not hide the rest.
+#[test]
+fn what_follows_the_elements_that_a_header_counts_is_told() {
+    let quad = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n";
+    let facet = [[0_u8; 12].as_slice(), &[0, 0, 0x80, 0x3f].repeat(9), &[0; 2]].concat();
+    let stl = |count: u8, facets: usize| [[b' '; 80].as_slice(), &[count, 0, 0, 0], &facet.repeat(facets)].concat();
+    for (source, format, is_told) in [
+        (quad.into(), MeshFormat::Ply, false),
+        (format!("{quad}\n \n").into_bytes(), MeshFormat::Ply, false),
+        (format!("{quad}3 0 2 3\n").into_bytes(), MeshFormat::Ply, true),
+        (stl(2, 2), MeshFormat::Stl, false),
+        (stl(1, 2), MeshFormat::Stl, true),
+    ] {
+        let mesh = Mesh::from_bytes(source, format, "a mesh").unwrap();
+        assert_eq!(mesh.notes.iter().any(|note| note.starts_with("the file goes on after the ")), is_told, "{mesh:?}");
     }
 }

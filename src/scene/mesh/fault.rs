@@ -31,3 +31,8 @@ pub(super) fn counted(count: usize, one: &str, many: &str) -> String {
 pub(super) fn not_finite(vertex: &str) -> MeshError {
     MeshError::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
 }
+
+/// A note of a file that is longer than its header tells.
+pub(super) fn goes_on(elements: &str) -> String {
+    format!("the file goes on after the {elements} that its header counts: what follows was not read")
+}

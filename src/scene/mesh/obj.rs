@@ -144,7 +144,8 @@ impl Obj {
             Some(b"f") => {
                 self.corners.clear();
                 let (there_are, face) = (self.points.len() as i64, self.faces + 1);
-                for (corner, word) in (1..).zip(text(line)?.split_whitespace().skip(1)) {
+                let words = text(line)?.split_whitespace().skip(1).take_while(|word| !word.starts_with('#'));
+                for (corner, word) in (1..).zip(words) {
                     let mut parts =
                         word.split('/').map(|part| if part.is_empty() { Some(0) } else { part.parse().ok() });
                     let index = parts.next().flatten();

@@ -8,10 +8,13 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use super::fault::{counted, not_finite};
+use super::fault::{counted, goes_on, not_finite};
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
+
+/// So many bytes after the last element show whether there is more.
+const MOST_LOOKED_AT: u64 = 1 << 12;
 
 /// The name of elements of triangle strips.
 const STRIPS: &str = "tristrips";
@@ -127,6 +130,9 @@ impl<R: Read> Elements<R> {
                 }
             }
         }
+        let mut rest = Vec::new();
+        let _ = (&mut self.pieces).take(MOST_LOOKED_AT).read_to_end(&mut rest);
+        mesh.notes.extend((!rest.trim_ascii().is_empty()).then(|| goes_on("elements")));
         Ok(painted(mesh.cut(&fans)?, header, &tints))
     }
 }

@@ -4,7 +4,7 @@ use std::io::Read;
 
 use glam::Vec3;
 
-use super::fault::not_finite;
+use super::fault::{goes_on, not_finite};
 use super::materials::number;
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
@@ -99,7 +99,8 @@ fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh
             triangles.push([a, b, c]);
         }
     }
-    Some(Ok(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() }))
+    let notes = (count < most).then(|| goes_on("facets")).into_iter().collect();
+    Some(Ok(Mesh { vertices: vertices.vertices, triangles, notes, ..Mesh::default() }))
 }
 
 fn nowhere(facet: usize, corner: usize) -> MeshError {
