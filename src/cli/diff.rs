@@ -43,7 +43,7 @@ pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
         remove_part_files_on_signals()?;
     }
     let (comparison, text) = diff(args)?;
-    let within_tolerance = comparison.largest <= args.tolerance;
+    let within_tolerance = comparison.largest <= args.tolerance && comparison.largest.is_finite();
     let verdict = Verdict {
         a: args.a.to_string_lossy(),
         b: args.b.to_string_lossy(),

@@ -270,7 +270,7 @@ impl Film {
             return Ok(());
         }
         let bytes = self.bytes();
-        let row = bytes.len() / self.len() * width;
+        let row = (bytes.len() / self.len()).saturating_mul(width);
         let all = (self.len() / width.max(1)).saturating_sub(1).saturating_mul(stride).saturating_add(row);
         let rest = self.len() % width.max(1);
         for (what, found, expected, is_wrong) in [
@@ -411,6 +411,7 @@ mod tests {
                 assert_eq!(wrong(3, 999, row - 1), what("bytes from row to row", row - 1, row));
                 assert_eq!(wrong(3, 999, usize::MAX), what("bytes of the buffer", 999, usize::MAX));
                 assert_eq!(wrong(4, 999, 99), what("pixels in the last row", 2, 4));
+                assert_eq!(wrong(usize::MAX, 999, 99), what("pixels in the last row", 6, usize::MAX));
                 assert_eq!(wrong(0, 999, 99).to_string(), "pixels in a row: found 0, expected 1");
             }
             Film::new(format, 0).unwrap().copy_rows(3, &mut [], 0).unwrap();

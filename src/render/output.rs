@@ -316,6 +316,10 @@ fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> R
         io::ErrorKind::NotFound if !directory.is_dir() => {
             OutputError::NoDirectory { path: path.into(), directory: directory.into() }
         }
+        #[cfg(unix)]
+        _ if error.raw_os_error() == Some(nix::errno::Errno::EMFILE as i32) => {
+            OutputError::Write { path: path.into(), error }
+        }
         error => OutputError::Directory { path: path.into(), directory: directory.into(), error },
     })?;
     old.iter().for_each(|old| take_after(&file, old));

@@ -515,6 +515,8 @@ fn what_is_read_is_not_replaced() {
     let place = Place::new();
     place.write("scene.ppm", SCENE);
     place.write("a.ppm", "P3 1 1 255 1 2 3");
+    place.write("square.obj", SQUARE);
+    place.write("mesh.toml", "[image]\nwidth = 4\nheight = 3\n[[mesh]]\nfile = \"square.obj\"\n");
     #[cfg(unix)]
     std::os::unix::fs::symlink("scene.ppm", place.path("link.ppm")).unwrap();
     for (arguments, of) in [
@@ -524,6 +526,7 @@ fn what_is_read_is_not_replaced() {
         ("render scene.ppm -o ./scene.ppm", "./scene.ppm"),
         ("diff a.ppm a.ppm -o a.ppm", "a.ppm"),
         ("convert scene.in scene.in", "scene.in"),
+        ("convert mesh.toml square.obj", "square.obj"),
         ("plan scene.in --measure --figure scene.in", "scene.in"),
         #[cfg(rayo_asm)]
         ("step scene.in --html scene.in", "scene.in"),
@@ -1404,6 +1407,11 @@ fn diff_passes_up_to_the_tolerance() {
     for (tolerance, status) in [("0", 1), ("2.9", 1), ("3", 0), ("inf", 0)] {
         assert_eq!(place.run(&format!("diff a.ppm b.ppm --tolerance {tolerance}")).status, status, "{tolerance}");
     }
+    // What is not a number differs by more than any tolerance.
+    for (name, value) in [("nan.pfm", f32::NAN), ("one.pfm", 1.0)] {
+        fs::write(place.path(name), [b"Pf\n1 1\n-1\n".as_slice(), &value.to_le_bytes()].concat()).unwrap();
+    }
+    assert_eq!(place.run("diff nan.pfm one.pfm --tolerance inf").status, 1);
     for tolerance in ["-1", "nan", "two"] {
         let message = invalid(tolerance, "--tolerance <T>", "expected a number that is not negative");
         place.refuses(&format!("diff a.ppm b.ppm --tolerance {tolerance}"), 2, &message);
