@@ -27,9 +27,9 @@ pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub(crate) use diagnostic::brief;
 #[cfg(feature = "render")]
 pub(crate) use diagnostic::is_unseen;
-#[cfg(feature = "files")]
 #[cfg(feature = "render")]
 pub(crate) use diagnostic::printable;
+#[cfg(feature = "files")]
 pub(crate) use diagnostic::shown;
 pub use diagnostic::{Diagnostic, SceneError};
 pub use mesh::{Mesh, MeshError, MeshFormat};
