@@ -182,8 +182,9 @@ impl Reader<'_> {
             if let Some(file) = file.filter(|_| self.notes.is_empty()) {
                 let map = to_camera.of_placed(&placement);
                 let placed = self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default();
-                meshes.push(self.folder.join(file));
-                warnings.extend(meshes.last().and_then(|path| no_area_of_mesh(path, &placed)));
+                let path = self.folder.join(file);
+                warnings.extend(no_area_of_mesh(&path, &placed));
+                meshes.push(path);
                 if !faces.append(placed) {
                     let message = format!("{} and those before it have too many vertices", fields.owner);
                     self.note(fields.span.clone(), &message, &format!("at most {}", Faces::MOST_VERTICES));

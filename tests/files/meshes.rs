@@ -406,14 +406,13 @@ fn an_stl_file_in_text_may_have_several_solids() {
 
 #[test]
 fn a_bad_stl_file_is_refused_at_its_facet() {
-    let steps = STL_STEPS;
     let text = stl_text(" x");
     for (good, bad, expected) in [
-        ("vertex 1 0 0e0", "vertex 1 0", format!("test:5: facet 1 cannot be understood: {steps}")),
-        ("vertex 1 0 0e0", "vertex 1 0 nan", format!("test:5: facet 1 cannot be understood: {steps}")),
-        ("vertex 0 1 -2.5e-7", "vertex 0 1 1e39", format!("test:13: facet 2 cannot be understood: {steps}")),
-        ("endloop", "end", format!("test:7: facet 1 cannot be understood: {steps}")),
-        ("endsolid x\n", "", format!("test: the file ends in facet 3: {steps}")),
+        ("vertex 1 0 0e0", "vertex 1 0", format!("test:5: facet 1 cannot be understood: {STL_STEPS}")),
+        ("vertex 1 0 0e0", "vertex 1 0 nan", format!("test:5: facet 1 cannot be understood: {STL_STEPS}")),
+        ("vertex 0 1 -2.5e-7", "vertex 0 1 1e39", format!("test:13: facet 2 cannot be understood: {STL_STEPS}")),
+        ("endloop", "end", format!("test:7: facet 1 cannot be understood: {STL_STEPS}")),
+        ("endsolid x\n", "", format!("test: the file ends in facet 3: {STL_STEPS}")),
     ] {
         assert!(text.contains(good), "{good}");
         assert_eq!(refused(MeshFormat::Stl, text.replacen(good, bad, 1)), expected, "{bad}");

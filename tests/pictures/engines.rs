@@ -126,7 +126,7 @@ fn a_frame_says_what_is_at_a_pixel_and_traces_into_no_film_of_another_size() {
 }
 
 #[test]
-fn rows_that_a_picture_has_not_have_no_hits_and_take_no_memory() {
+fn rows_that_a_picture_has_not_have_no_hits_take_no_memory_and_are_not_traced() {
     let [many_objects, sphere] = [many(20, 20, 3), many(1, 0, 3)];
     for (scene, width, height) in [(&many_objects, 61, 47), (&sphere, 61, 47), (&many_objects, 65_600, 2)] {
         let lights = scene.lights[..1].to_vec();
@@ -142,19 +142,6 @@ fn rows_that_a_picture_has_not_have_no_hits_and_take_no_memory() {
             }
             assert_eq!(frame.count(1..u32::MAX), tracer.count(1..height), "{contender}");
             assert!(frame.film(PixelFormat::Rgb8, u32::MAX).is_err() && frame.film(PixelFormat::Rgb8, height).is_ok());
-        }
-    }
-}
-
-#[test]
-fn rows_that_a_picture_has_not_are_traced_by_no_engine() {
-    let [many_objects, sphere] = [many(20, 20, 3), many(1, 0, 3)];
-    for (scene, width, height) in [(&many_objects, 61, 33), (&sphere, 61, 33), (&many_objects, 65_600, 2)] {
-        let lights = scene.lights[..1].to_vec();
-        let scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), lights, ..scene.clone() };
-        for contender in contenders() {
-            let tracer = contender.prepare(&scene);
-            let developed = Developed::new(&*tracer, &scene.camera, Development::default());
             let mut pixels = vec![Vec4::default(); width as usize * (height as usize + 1)];
             for (rows, tracer) in [0..height + 1, height..height + 1].into_iter().zip([&*tracer, &developed]) {
                 let own = &mut pixels[..width as usize * rows.len()];

@@ -13,9 +13,6 @@ use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
 
-/// So many bytes after the last element show whether there is more.
-const MOST_LOOKED_AT: u64 = 1 << 12;
-
 /// The name of elements of triangle strips.
 const STRIPS: &str = "tristrips";
 
@@ -131,7 +128,7 @@ impl<R: Read> Elements<R> {
             }
         }
         let mut rest = Vec::new();
-        let _ = (&mut self.pieces).take(MOST_LOOKED_AT).read_to_end(&mut rest);
+        let _ = (&mut self.pieces).take(1 << 12).read_to_end(&mut rest);
         mesh.notes.extend((!rest.trim_ascii().is_empty()).then(|| goes_on("elements")));
         Ok(painted(mesh.cut(&fans)?, header, &tints))
     }
