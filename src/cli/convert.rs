@@ -42,13 +42,14 @@ const MANY_TABLES: usize = 50_000;
 /// Converts the file.
 pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let ConvertArgs { input, output, quiet } = args;
-    keep_apart(output, [&**input])?;
+    keep_apart(output, &[input])?;
     let to = format(output)?;
     let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
     let unread = |error: MeshError| Failure::input(SceneError::Mesh(error).render(colour_on_stderr()));
     match (from, to) {
         (SceneFormat::Mesh(from), SceneFormat::Mesh(to)) => {
             let mesh = Mesh::read(input).map_err(unread)?;
+            keep_apart(output, &mesh.libraries)?;
             if mesh.polygons > 0 && !quiet {
                 say(&format!("{}: faces of more than three corners were cut into triangles", shown(input)));
             }
@@ -64,6 +65,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         (SceneFormat::Mesh(format), SceneFormat::Toml) => {
             let camera = Camera::default();
             let mesh = Mesh::read(input).map_err(unread)?;
+            keep_apart(output, &mesh.libraries)?;
             let setting = Setting::of(&mesh, format, &camera);
             let setting = setting.ok_or_else(|| Failure::input("the mesh is too large to be seen whole"))?;
             let picture = picture_name(output);
@@ -72,7 +74,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         }
         (_, to) => {
             let opened = open(input, &Camera::default())?;
-            keep_apart(output, opened.meshes.iter().map(|mesh| &**mesh))?;
+            keep_apart(output, &opened.files)?;
             let scene = tell(opened, *quiet);
             write_scene(&scene, output, to)?;
         }

@@ -39,7 +39,7 @@ pub struct DiffArgs {
 /// If there is no verdict.
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     if let Some(output) = &args.output {
-        keep_apart(output, [&args.a, &args.b].map(|path| &**path))?;
+        keep_apart(output, &[&args.a, &args.b])?;
         remove_part_files_on_signals()?;
     }
     let (comparison, text) = diff(args)?;

@@ -135,10 +135,9 @@ fn require_assembly(what: &str) -> Result<(), Failure> {
 }
 
 /// Refuses a file to write that is one of those to read, which it would replace.
-fn keep_apart<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
+fn keep_apart(output: &Path, inputs: &[impl AsRef<Path>]) -> Result<(), Failure> {
     let canonical = output.canonicalize().ok().filter(|path| path.is_file());
-    let is_output = |input: &Path| canonical.is_some() && input.canonicalize().ok() == canonical;
-    if inputs.into_iter().any(is_output) {
+    if canonical.is_some() && inputs.iter().any(|input| input.as_ref().canonicalize().ok() == canonical) {
         let path = shown(output);
         return Err(Failure::input(format!("{path} is what is read, and would be replaced: name another file")));
     }

@@ -70,9 +70,6 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     if args.json && args.scenes.len() > 1 {
         return Err(Failure::input("--json prints one document, of one scene: name one, or leave it out"));
     }
-    if let Some(figure) = &args.figure {
-        keep_apart(figure, args.scenes.iter().map(|scene| &**scene))?;
-    }
     let mut worth = Vec::new();
     for (number, path) in args.scenes.iter().enumerate() {
         let document = plan(args, path)?;
@@ -94,7 +91,9 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
 /// The plan of a scene, and what it is worth if that is asked for.
 fn plan(args: &PlanArgs, path: &Path) -> Result<PlanDocument, Failure> {
     let (engine, precision) = args.engine.chosen()?;
-    let scene = args.view.seen(tell(args.view.open(path)?, false))?;
+    let opened = args.view.open(path)?;
+    args.figure.iter().try_for_each(|figure| keep_apart(figure, &opened.files))?;
+    let scene = args.view.seen(tell(opened, false))?;
     let bytes = match &args.output {
         Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),
         None => Format::from_path(Path::new(&scene.name)).is_ok_and(|format| format.is_8bit()),

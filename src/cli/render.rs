@@ -117,7 +117,7 @@ fn render_one(
     written: &mut BTreeSet<PathBuf>,
 ) -> Result<(), Failure> {
     let clock = Instant::now();
-    let (mut scene, up) = args.open(scene_path, party)?;
+    let (mut scene, up, inputs) = args.open(scene_path, party)?;
     let (camera, parse) = (scene.camera, clock.elapsed());
     let rows = args.rows_of(&camera)?;
     scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
@@ -136,7 +136,8 @@ fn render_one(
             "its picture is {path}, as is that of a scene before it: render it in a call of its own"
         )));
     }
-    keep_apart(&path, [scene_path])?;
+    // With --broadcast only the first process knows the files.
+    party.agree(keep_apart(&path, &inputs))?;
     let development = args.development.of(&path, format)?;
     if args.preview {
         show(&mut scene)?;
@@ -153,7 +154,7 @@ fn render_one(
     let progress = Progress::new(all_rows, args.quiet, party.bar_target(prints));
     let picture = Picture { args, party, tracing, camera, rows, format, development, progress };
     if let Some(count) = args.orbit {
-        return picture.go_round(&scene, up, count, [scene_path, &path]);
+        return picture.go_round(&scene, (up, count), &path, &inputs);
     }
     let (setup, stats) = picture.write(&scene, &path)?;
     picture.progress.end();

@@ -118,7 +118,9 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
                 .map_err(failure)?
         }
         (None, Some(path)) => {
-            let scene = args.view.seen(tell(args.view.open(path)?, false))?;
+            let opened = args.view.open(path)?;
+            args.html.iter().try_for_each(|page| keep_apart(page, &opened.files))?;
+            let scene = args.view.seen(tell(opened, false))?;
             let middle = Pixel(scene.camera.width() / 2, scene.camera.height() / 2);
             let Pixel(x, y) = args.pixel.unwrap_or(middle);
             let ray = Ray { engine, precision, pixel: (x, y), lane: args.lane, most: args.steps };
@@ -137,7 +139,6 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     // The model and the CPU agree, or nothing that follows from the model is to be believed.
     let verdict = if watched.unknown == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) };
     if let Some(path) = &args.html {
-        keep_apart(path, args.scene.iter().map(|scene| &**scene))?;
         let of = args.scene.as_ref().map_or(String::new(), shown);
         convert::write(path, |out| out.write_all(html::page(&watched, &of, args.error).as_bytes()))?;
         return Ok(verdict);

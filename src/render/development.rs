@@ -161,7 +161,8 @@ impl<'a> Developed<'a> {
 
     /// The number of rows of pixels, starting at a multiple of it, that have whole tiles of samples.
     fn together(&self) -> u32 {
-        let (of_tracer, samples) = (self.tracer.rows_together(), self.development.samples);
+        let samples = self.development.samples;
+        let of_tracer = self.tracer.rows_together().clamp(1, self.height * samples);
         (1..of_tracer).find(|rows| (rows * samples).is_multiple_of(of_tracer)).unwrap_or(of_tracer)
     }
 }
@@ -195,7 +196,7 @@ impl Tracer for Developed<'_> {
     fn rows_together(&self) -> u32 {
         match &self.plain {
             // For each row of tiles, the plain picture's tiles above and below are traced again.
-            Some(plain) => (TILES_TOGETHER * plain.tracer.rows_together()).next_multiple_of(self.together()),
+            Some(plain) => (TILES_TOGETHER * plain.together()).next_multiple_of(self.together()),
             None => self.together(),
         }
     }

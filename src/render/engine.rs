@@ -60,7 +60,7 @@ pub enum EngineError {
         "there is no engine `{}`{}; this build has: {}",
         brief(name),
         near.map_or("".into(), |n| if n == name { " in this build".into() } else { format!(", did you mean `{n}`?") }),
-        available()
+        listed(|_| true) + ", auto"
     )]
     Unknown {
         /// The name given.
@@ -69,7 +69,7 @@ pub enum EngineError {
         near: Option<&'static str>,
     },
     /// This CPU does not support it.
-    #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = available())]
+    #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = listed(Engine::usable) + ", auto")]
     Unusable(Engine),
     /// No precision of that name.
     #[error("there is no precision `{}`; there are: single, fast, double", brief(.0))]
@@ -79,21 +79,16 @@ pub enum EngineError {
     NoPrecision(Engine, Precision),
     /// The engine has no shadows, and the scene has.
     #[error("the engine `{0}` has no shadows, as in the paper: leave them out or ask one of {has}",
-        has = usable_engines(Engine::has_shadows))]
+        has = listed(|engine| engine.usable() && engine.has_shadows()))]
     NoShadows(Engine),
     /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
     Scene(#[from] InvalidScene),
 }
 
-/// The engines that can be used here, in words.
-fn available() -> String {
-    usable_engines(|_| true) + ", auto"
-}
-
-/// Those of them that are wanted.
-fn usable_engines(is_wanted: fn(Engine) -> bool) -> String {
-    let engines = Engine::ALL.iter().filter(|engine| engine.usable() && is_wanted(**engine));
+/// The engines of this build that are wanted, in words.
+fn listed(is_wanted: fn(Engine) -> bool) -> String {
+    let engines = Engine::ALL.iter().filter(|engine| is_wanted(**engine));
     engines.map(|engine| engine.name()).collect::<Vec<_>>().join(", ")
 }
 

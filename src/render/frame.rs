@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::ImageError;
 use super::film::with_pixels;
 use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, assert_rows, existing};
-use crate::plan::Team;
+use crate::plan::{MAX_THREADS, Team};
 use crate::scene::Camera;
 
 /// A thread takes at a time as many whole rows as have this many pixels, and at least one.
@@ -38,7 +38,8 @@ pub enum RenderError {
     #[error("the picture cannot be traced: {0}")]
     Size(#[from] WrongSize),
     /// The threads could not be started.
-    #[error("cannot start {threads} threads: the system gives {given}, ask for no more")]
+    #[error("cannot start {threads} threads: {} {given}, ask for no more",
+        if *given == MAX_THREADS { "there may be" } else { "the system gives" })]
     Threads {
         /// The number requested.
         threads: usize,
@@ -182,7 +183,12 @@ impl<'a> Frame<'a> {
     /// The number of rows that a thread takes at a time.
     pub(super) fn task_rows(&self) -> usize {
         let rows = (TASK_PIXELS / self.camera.width() as usize).max(1);
-        rows.next_multiple_of(self.tracer.rows_together() as usize)
+        rows.next_multiple_of(self.rows_together() as usize)
+    }
+
+    /// [`Tracer::rows_together`], whatever a tracer says.
+    pub(super) fn rows_together(&self) -> u32 {
+        self.tracer.rows_together().clamp(1, self.camera.height())
     }
 
     fn trace_tasks<'f, P: Pixel>(
@@ -196,7 +202,7 @@ impl<'a> Frame<'a> {
         assert_rows(&rows, [self.camera.width(), self.camera.height()], film.len());
         let task_rows = self.task_rows();
         // Rows that cost least together stay so: half of a tile takes four fifths of its time.
-        let together = self.tracer.rows_together();
+        let together = self.rows_together();
         let halve = |(start, part): (u32, &'f mut [P])| {
             let count = (part.len() / width) as u32 / 2 / together * together;
             if count == 0 {

@@ -108,7 +108,7 @@ impl<'a> Bands<'a> {
         // Fewer if ranks would have too few bands to finish together.
         let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
         let height = if ranks > 1 { height.min(fair) } else { height };
-        let rows_together = self.frame.tracer.rows_together();
+        let rows_together = self.frame.rows_together();
         let together = self.encoder.part_rows().filter(|part| !rows_together.is_multiple_of(*part));
         height.next_multiple_of(together.unwrap_or(rows_together) as usize).min(rows as usize) as u32
     }

@@ -40,6 +40,8 @@ pub struct Mesh {
     pub colours: Vec<ColourRun>,
     /// How many faces of the file had more than three corners and were triangulated: the same face if it is planar.
     pub polygons: usize,
+    /// The files of materials that its colours are from.
+    pub libraries: Vec<PathBuf>,
     /// What was dropped from the file or is not as the format demands: a sentence each.
     pub notes: Vec<String>,
 }

@@ -72,7 +72,7 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
         return parsed.map_err(|error| no_picture(error, path, &source));
     }
     let name = path.to_string_lossy();
-    match SceneFormat::from_path(path) {
+    let mut opened = match SceneFormat::from_path(path) {
         Some(SceneFormat::Toml) => {
             let folder = path.parent().unwrap_or(Path::new(""));
             let advice = "too many for TOML: put its triangles into a mesh file, which [[mesh]] names";
@@ -86,7 +86,9 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
                 error => error,
             })
         }
-    }
+    }?;
+    opened.files.push(path.to_owned());
+    Ok(opened)
 }
 
 /// A file that can be read again after a first attempt failed, and its length.
@@ -172,7 +174,7 @@ pub(crate) fn picture_name(path: &Path) -> String {
 
 fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened, SceneError> {
     let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
-    let mut notes = told(path, &mesh);
+    let (mut notes, files) = (told(path, &mesh), mesh.libraries.clone());
     let setting = Setting::of(&mesh, format, camera);
     let scene = setting
         .and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, picture_name(path), *camera)?)));
@@ -187,7 +189,7 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
         shown(path)
     ));
     let warnings = no_area_of_mesh(path, &scene.faces).into_iter().collect();
-    Ok(Opened { scene, up: above, meshes: Vec::new(), notes, warnings })
+    Ok(Opened { scene, up: above, files, notes, warnings })
 }
 
 /// A warning of the triangles of a mesh that have no area, which are often its seams: their number, and the first of

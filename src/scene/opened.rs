@@ -14,8 +14,8 @@ pub struct Opened {
     pub scene: Scene,
     /// The world's up in the camera's frame: of length 1.
     pub up: DVec3,
-    /// The mesh files that it names.
-    pub meshes: Vec<PathBuf>,
+    /// The files that it was read from: its own, meshes, and their materials.
+    pub files: Vec<PathBuf>,
     /// What was done or assumed without being asked for, a line each.
     pub notes: Vec<String>,
     /// What is probably a mistake in the file, a line each.

@@ -36,7 +36,7 @@ pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, S
         Parser { name, text, at: start, last, tokens: 0, lists: Vec::new(), announced: None, log, no_area }.scene().ok()
     });
     let scene = log.finish(scene, name)?;
-    Ok(Opened { scene, up: DVec3::Y, meshes: Vec::new(), notes: Vec::new(), warnings: no_area.warnings(name) })
+    Ok(Opened { scene, up: DVec3::Y, files: Vec::new(), notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 
 /// Nothing more can be read; the reason has been noted.

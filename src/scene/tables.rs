@@ -1,7 +1,7 @@
 //! Scene files in TOML: a world and its camera, checked key by key, transformed to the camera's frame.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 use toml::Spanned;
@@ -174,17 +174,15 @@ impl Reader<'_> {
             }
             triangles.push(triangle);
         }
-        let (mut meshes, mut told, mut warnings, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Faces::default());
+        let (mut files, mut told, mut warnings, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Faces::default());
         for fields in self.list(&root, "mesh", &["file", "colour", "scale", "rotate", "translate"]) {
             let colour = self.colour(&fields);
             let placement = self.placement(&fields);
             let file = self.text(&fields, "file", "the name of a mesh file: .obj, .ply or .stl");
             if let Some(file) = file.filter(|_| self.notes.is_empty()) {
                 let map = to_camera.of_placed(&placement);
-                let placed = self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default();
-                let path = self.folder.join(file);
-                warnings.extend(no_area_of_mesh(&path, &placed));
-                meshes.push(path);
+                let placed = self.mesh(&fields, file, map, colour, (&mut told, &mut files)).unwrap_or_default();
+                warnings.extend(no_area_of_mesh(&self.folder.join(file), &placed));
                 if !faces.append(placed) {
                     let message = format!("{} and those before it have too many vertices", fields.owner);
                     self.note(fields.span.clone(), &message, &format!("at most {}", Faces::MOST_VERTICES));
@@ -197,7 +195,7 @@ impl Reader<'_> {
         // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
         let scene = Scene { name: file, camera, lights, spheres, triangles, faces, shadows };
-        Some(Opened { scene, up, meshes, notes: told, warnings })
+        Some(Opened { scene, up, files, notes: told, warnings })
     }
 
     /// The file name, the width and the height of the picture, and whether it has shadows.
@@ -242,7 +240,10 @@ impl Reader<'_> {
         let view = View { position, look_at, up };
         let map = view.to_camera().unwrap_or_else(|why| {
             let (key, expected) = match why {
-                ViewError::Up => ("up", "a direction across the view, such as up = [0, 0, 1]"),
+                ViewError::Up if (View { up: DVec3::Z, ..view }).to_camera().is_ok() => {
+                    ("up", "a direction across the view, such as up = [0, 0, 1]")
+                }
+                ViewError::Up => ("up", "a direction across the view, such as up = [0, 1, 0]"),
                 _ => ("look_at", "a point other than the camera's position"),
             };
             self.note(fields.span(key), &why.to_string(), expected);
@@ -275,7 +276,7 @@ impl Reader<'_> {
         file: &str,
         map: ToCamera,
         colour: Vec3,
-        told: &mut Vec<String>,
+        (told, files): (&mut Vec<String>, &mut Vec<PathBuf>),
     ) -> Option<Faces> {
         let path = self.folder.join(file);
         let mesh = match Mesh::read(&path) {
@@ -288,6 +289,8 @@ impl Reader<'_> {
             }
         };
         told.extend(super::open::told(&path, &mesh));
+        files.extend_from_slice(&mesh.libraries);
+        files.push(path);
         let placed = mesh.placed(map, colour);
         if placed.is_none() {
             let message = format!("{} leaves the range of f32 where it is put", fields.owner);

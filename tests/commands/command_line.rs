@@ -88,8 +88,8 @@ fn size(picture: &Picture) -> (u32, u32) {
 }
 
 /// The engines that run here, as errors list them.
-fn engines() -> String {
-    let names = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name());
+fn engines(are_listed: fn(&&Engine) -> bool) -> String {
+    let names = Engine::ALL.iter().filter(are_listed).map(|engine| engine.name());
     names.chain(["auto"]).collect::<Vec<_>>().join(", ")
 }
 
@@ -209,7 +209,8 @@ fn invalid(value: &str, option: &str, expected: &str) -> String {
 #[test]
 fn an_unknown_engine_or_precision_is_refused_with_a_list() {
     let place = Place::new();
-    let all = engines();
+    // Those that only this CPU lacks are among them.
+    let all = engines(|_| true);
     for (arguments, message) in [
         ("--engine nope", format!("error: there is no engine `nope`; this build has: {all}")),
         ("--engine Rust", format!("error: there is no engine `Rust`, did you mean `rust`?; this build has: {all}")),
@@ -249,17 +250,21 @@ fn the_environment_names_an_engine_and_an_option_overrides_it() {
     assert!(place.run("plan scene.in").stdout.contains(" by reference in double, "));
     // Where a name comes from is told, since it is not in sight.
     place.variables = vec![("RAYO_ENGINE", "nope")];
-    let message = format!("there is no engine `nope`; this build has: {}", engines());
+    let message = format!("there is no engine `nope`; this build has: {}", engines(|_| true));
     for command in ["render", "plan"] {
         place.refuses(&format!("{command} scene.in"), 2, &format!("error: RAYO_ENGINE: {message}"));
     }
     assert_eq!(place.run("plan scene.in --engine rust").status, 0);
+    place.variables = vec![("RAYO_ENGINE", "")];
+    assert_eq!(place.run("plan scene.in").status, 0);
+    place.variables.clear();
+    place.refuses("plan scene.in --engine=", 2, &format!("error: {}", message.replace("nope", "")));
     place.refuses("plan scene.in --engine nix", 2, &format!("error: {}", message.replace("nope", "nix")));
 }
 
 #[test]
 fn an_engine_that_this_cpu_does_not_run_is_refused_alike_by_every_command() {
-    let (place, list) = (Place::new(), engines());
+    let (place, list) = (Place::new(), engines(|engine| engine.usable()));
     for engine in Engine::ALL.iter().filter(|engine| !engine.usable()) {
         let message = format!("error: this CPU does not run the engine `{engine}`; it runs: {list}");
         for command in [
@@ -278,7 +283,7 @@ fn an_engine_that_this_cpu_does_not_run_is_refused_alike_by_every_command() {
 #[test]
 fn what_only_another_build_has_is_refused_as_such() {
     let place = Place::new();
-    let list = engines();
+    let list = engines(|_| true);
     let message = |engine| format!("error: there is no engine `{engine}` in this build; this build has: {list}");
     let mut lacking = Vec::new();
     for (engine, built) in [("c", cfg!(rayo_c)), ("paper", cfg!(rayo_asm))] {
@@ -404,7 +409,7 @@ fn directories_in_the_scenes_name_are_dropped_with_a_warning() {
 
 #[test]
 fn a_name_in_the_scene_that_is_no_file_or_a_hidden_one_is_refused() {
-    for name in ["..", ".", "a/", "/", "-", "ppm:-", "a/-", ".profile", "a/.bashrc.png"] {
+    for name in ["..", ".", "a/", "/", "-", "ppm:-", "a/-", ".profile", "a/.bashrc.png", "--help.png"] {
         let place = Place::new();
         place.write("scene.in", &SCENE.replace("picture.png", name));
         let message = format!("error: the scene's image name `{name}` names no plain file: name one with -o");
@@ -516,6 +521,9 @@ fn what_is_read_is_not_replaced() {
     place.write("scene.ppm", SCENE);
     place.write("a.ppm", "P3 1 1 255 1 2 3");
     place.write("square.obj", SQUARE);
+    let materials = ["paint.toml", "paint.ply", "paint.png", "paint2.png"];
+    materials.iter().for_each(|name| place.write(name, "newmtl red\nKd 1 0 0\n"));
+    place.write("painted.obj", &format!("mtllib {}\nusemtl red\n{SQUARE}", materials.join(" ")));
     place.write("mesh.toml", "[image]\nwidth = 4\nheight = 3\n[[mesh]]\nfile = \"square.obj\"\n");
     #[cfg(unix)]
     std::os::unix::fs::symlink("scene.ppm", place.path("link.ppm")).unwrap();
@@ -527,13 +535,22 @@ fn what_is_read_is_not_replaced() {
         ("diff a.ppm a.ppm -o a.ppm", "a.ppm"),
         ("convert scene.in scene.in", "scene.in"),
         ("convert mesh.toml square.obj", "square.obj"),
+        ("plan mesh.toml --measure --figure square.obj", "square.obj"),
+        ("convert painted.obj paint.toml --quiet", "paint.toml"),
+        ("convert painted.obj paint.ply --quiet", "paint.ply"),
+        ("render painted.obj --quiet -o paint.png", "paint.png"),
+        ("render painted.obj --quiet --orbit 3 -o paint%d.png", "paint2.png"),
         ("plan scene.in --measure --figure scene.in", "scene.in"),
         #[cfg(rayo_asm)]
         ("step scene.in --html scene.in", "scene.in"),
+        #[cfg(rayo_asm)]
+        ("step mesh.toml --html square.obj", "square.obj"),
     ] {
         place.refuses(arguments, 2, &format!("error: {of} is what is read, and would be replaced: name another file"));
     }
     assert_eq!(fs::read_to_string(place.path("scene.ppm")).unwrap(), SCENE);
+    // The first two of three pictures are not written either.
+    assert!(!place.files().contains(&"paint0.png".into()));
 }
 
 #[cfg(unix)]

@@ -79,6 +79,7 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
             ["not read: normals", "not read: materials that no file describes, textures, transparency"]
         );
     }
+    assert_eq!(Mesh::read(&folder.path().join("box.obj")).unwrap().libraries, [folder.path().join("my box.mtl")]);
     write("lost.obj", &format!("mtllib lost.mtl\n{OBJ_SQUARE}{faces}"));
     let lost = Mesh::read(&folder.path().join("lost.obj")).unwrap();
     assert_eq!(lost.notes, ["its materials are not all there: `lost.mtl` cannot be read"]);
@@ -821,4 +822,20 @@ fn what_follows_the_elements_that_a_header_counts_is_told() {
         let mesh = Mesh::from_bytes(source, format, "a mesh").unwrap();
         assert_eq!(mesh.notes.iter().any(|note| note.starts_with("the file goes on after the ")), is_told, "{mesh:?}");
     }
+}
+
+#[test]
+fn lines_of_a_ply_file_that_are_longer_than_its_header_says_are_told() {
+    let mesh = |format: &str, vertex: &str, face: &str| {
+        let header = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+                      property list uchar int vertex_indices\nproperty uchar flags\nend_header\n";
+        let text = format!("ply\nformat {format}\n{header}0 0 0\n1 0 0{vertex}\n1 1 0\n3 0 1 2 7{face}\n");
+        Mesh::from_bytes(text.into(), MeshFormat::Ply, "a mesh")
+    };
+    let told = "lines have more numbers than the properties that the header lists: these were not read";
+    assert!(mesh("ascii 1.0", " ", " ").unwrap().notes.is_empty());
+    assert_eq!(mesh("ascii 1.0", " 0.5", "").unwrap().notes, [told]);
+    assert_eq!(mesh("ascii 1.0", "", " 9").unwrap().notes, [told]);
+    let other = mesh("ascii 2.0", "", "").unwrap_err();
+    assert_eq!(other.to_string(), "a mesh: the format's version is 2.0: expected 1.0, as in: format ascii 1.0");
 }

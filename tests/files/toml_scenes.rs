@@ -298,9 +298,9 @@ film = 35.0 -> position = 3
 film = 35.0 -> look_at = [0, 0, 0]
     9:11: the camera looks at where it stands, which is no direction: found `[0, 0, 0]`, expected a point other than the camera's position
 film = 35.0 -> up = [0, 0, -2]
-    9:6: the camera's up is the direction of its view, or nothing: found `[0, 0, -2]`, expected a direction across the view, such as up = [0, 0, 1]
+    9:6: the camera's up is the direction of its view, or nothing: found `[0, 0, -2]`, expected a direction across the view, such as up = [0, 1, 0]
 film = 35.0 -> up = [0, 0, 0]
-    9:6: the camera's up is the direction of its view, or nothing: found `[0, 0, 0]`, expected a direction across the view, such as up = [0, 0, 1]
+    9:6: the camera's up is the direction of its view, or nothing: found `[0, 0, 0]`, expected a direction across the view, such as up = [0, 1, 0]
 film = 35.0 -> look_at = [0, 5, 0]
     7:1: the camera's up is the direction of its view, or nothing: found `[camera]`, expected a direction across the view, such as up = [0, 0, 1]
 [20, -20.0, 0] -> [20, -20.0]

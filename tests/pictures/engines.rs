@@ -1,6 +1,7 @@
 //! The engines agree: with the reference on every scene, with each other, and with themselves on any number of threads.
 
 use std::fs;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -8,7 +9,7 @@ use crate::contenders::{Truth, contenders, film};
 use crate::extent;
 use glam::DVec3;
 use rayo::kernels::Vec4;
-use rayo::render::{Developed, Development, Engine, Film, FilmMut, Frame, PixelFormat, Settings};
+use rayo::render::{Developed, Development, Engine, Film, FilmMut, Found, Frame, PixelFormat, Settings, Tracer};
 use rayo::scene::{self, Camera, Object, Scene, Sphere, many};
 
 /// The most rays against objects that a picture of these tests may take: a second or so by the slowest engine.
@@ -195,6 +196,45 @@ fn rows_split_in_any_way_give_the_same_bytes() {
                 tracer.rows(start..start + (part.len() / width) as u32, FilmMut::F32x4(part));
             }
             assert!(split == whole, "{contender}: {step} rows at a time");
+        }
+    }
+}
+
+/// Anybody may write a tracer.
+#[test]
+fn a_tracer_that_wants_no_rows_together_or_all_there_are_is_traced_in_those_of_the_picture() {
+    struct Plain(u32);
+    impl Tracer for Plain {
+        fn writes(&self, format: PixelFormat) -> bool {
+            format == PixelFormat::F32x4
+        }
+        fn rows_together(&self) -> u32 {
+            self.0
+        }
+        fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+            let FilmMut::F32x4(out) = out else { unreachable!() };
+            let width = out.len() / rows.len();
+            out.iter_mut()
+                .enumerate()
+                .for_each(|(at, pixel)| *pixel = [rows.start as f32 + (at / width) as f32; 4].into());
+        }
+        fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+            vec![None; rows.len()]
+        }
+    }
+    let camera = Camera::new(2, 5, 1.0, 1.0).unwrap();
+    let development = Development { samples: 2, ..Development::default() };
+    for together in [0, 1, 3, u32::MAX] {
+        let tracer = Plain(together);
+        let films = [
+            film(&tracer, camera, 2, PixelFormat::F32x4),
+            film(&Developed::new(&tracer, &camera, development), camera, 2, PixelFormat::F32x4),
+        ];
+        for (light, picture) in [0.0, 0.5].into_iter().zip(films) {
+            let Film::F32x4(picture) = picture else { unreachable!() };
+            let scale = 2.0 * light + 1.0;
+            let rows = picture.chunks(2).map(|row| row[1].lanes()[0]);
+            assert!(rows.eq((0..5).map(|row| row as f32 * scale + light)), "{together}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The arguments of `rayo render`.
 
 use std::cell::Cell;
+use std::mem::take;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -101,18 +102,19 @@ fn rows(text: &str) -> Result<Range<u32>, String> {
 
 impl RenderArgs {
     /// The scene, with what is to be told of it told, and what points upwards in it.
-    pub(super) fn open(&self, path: &Path, party: &Party) -> Result<(Scene, DVec3), Failure> {
-        let up = Cell::new(DVec3::Y);
+    pub(super) fn open(&self, path: &Path, party: &Party) -> Result<(Scene, DVec3, Vec<PathBuf>), Failure> {
+        let (up, files) = (Cell::new(DVec3::Y), Cell::default());
         let open = || -> Result<Scene, Failure> {
-            let opened = self.view.open(path)?;
+            let mut opened = self.view.open(path)?;
             up.set(opened.up);
+            files.set(take(&mut opened.files));
             self.view.seen(tell(opened, self.quiet))
         };
         #[cfg(feature = "mpi")]
         let scene = party.scene(path, self.broadcast, open)?;
         #[cfg(not(feature = "mpi"))]
         let (scene, _) = (open()?, party);
-        Ok((scene, up.get()))
+        Ok((scene, up.get(), files.take()))
     }
 
     /// The rows that are asked for, of a camera's picture.

@@ -36,10 +36,11 @@ pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Forma
     Ok(("/dev/stdout".into(), format))
 }
 
-/// A scene's image name without its directories: scenes come from anywhere, and choose neither these nor a hidden file.
+/// A scene's image name without its directories: scenes come from anywhere, and choose neither these nor a hidden
+/// file, nor one that reads as an option.
 fn bare_name(name: &str) -> Result<PathBuf, Failure> {
     let (shown, bare) = (printable(name), name.rsplit(['/', '\\']).next().unwrap_or_default());
-    if bare.is_empty() || bare.starts_with('.') || is_standard_output(Path::new(bare)) {
+    if bare.is_empty() || bare.starts_with(['.', '-']) || is_standard_output(Path::new(bare)) {
         return Err(Failure::input(format!("the scene's image name `{shown}` names no plain file: name one with -o")));
     }
     if name.contains(is_unseen) {

@@ -1,7 +1,7 @@
 //! A picture written to a file, and a series of them from all around a scene.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -74,13 +74,18 @@ impl Picture<'_> {
         Ok((setup, stats))
     }
 
-    /// Renders as many pictures from all round a scene, whose file is not to be among them, and says so.
-    pub(super) fn go_round(&self, scene: &Scene, up: DVec3, count: u32, names: [&Path; 2]) -> Result<(), Failure> {
-        let [scene_path, path] = names;
+    /// Renders as many pictures from all round a scene, whose files are not to be among them, and says so.
+    pub(super) fn go_round(
+        &self,
+        scene: &Scene,
+        (up, count): (DVec3, u32),
+        path: &Path,
+        inputs: &[PathBuf],
+    ) -> Result<(), Failure> {
         let (mut moving, mut traced) = (MovingCamera::of(scene), Duration::ZERO);
         let names: Vec<_> = (0..count).filter_map(|number| numbered(path, number)).collect();
+        names.iter().try_for_each(|path| keep_apart(path, inputs))?;
         for (number, path) in names.iter().enumerate() {
-            keep_apart(path, [scene_path])?;
             let view = scene.orbit(up, number as f64 / f64::from(count));
             traced += self.write(moving.seen_from(view).map_err(Failure::input)?, path)?.1.trace;
         }

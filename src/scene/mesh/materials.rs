@@ -1,7 +1,7 @@
 //! Colours of meshes: those of vertices, and the materials that an OBJ file names (MTL).
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
@@ -89,8 +89,8 @@ impl Materials {
         for library in &self.libraries {
             let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
             // One name with blanks, or several.
-            let are_read = read(library, folder, &mut known)
-                || words().count() > 1 && words().all(|name| read(name, folder, &mut known));
+            let mut read = |name| read(name, folder, &mut known).map(|path| mesh.libraries.push(path)).is_some();
+            let are_read = read(library) || words().count() > 1 && words().all(read);
             all_are_read &= are_read;
             if !are_read {
                 let name = brief(&String::from_utf8_lossy(library));
@@ -121,14 +121,13 @@ impl Materials {
     }
 }
 
-/// Reads a file of materials, if there is a regular one.
-fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> bool {
-    let Ok(name) = str::from_utf8(name) else { return false };
-    let path = folder.join(name.replace('\\', "/"));
+/// Reads a file of materials, if there is a regular one; returns which.
+fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> Option<PathBuf> {
+    let path = folder.join(str::from_utf8(name).ok()?.replace('\\', "/"));
     if !path.is_file() {
-        return false;
+        return None;
     }
-    let Ok(text) = open::contents_within(&path, MOST, "too many for materials") else { return false };
+    let text = open::contents_within(&path, MOST, "too many for materials").ok()?;
     let mut material = Material::default();
     let mut begun = None;
     let text = text.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&text);
@@ -149,5 +148,5 @@ fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> b
         }
     }
     known.extend(begun.map(|name| (name, material)));
-    true
+    Some(path)
 }

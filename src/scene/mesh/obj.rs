@@ -10,6 +10,7 @@ use super::materials::{Materials, colour};
 use super::polygon::Fan;
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
+use crate::scene::log::is_line_end;
 use crate::scene::pieces::Pieces;
 
 /// Corners are numbers from 1, or backwards from -1.
@@ -232,6 +233,9 @@ impl Obj {
         let mut mesh = mesh.cut(&self.fans)?;
         if is_tinted {
             mesh.paint_by_vertices(&of_vertices);
+            if tints.iter().any(|tint| tint.max_element() > 1.0) {
+                mesh.notes.push("colours of vertices exceed 1, and are taken as they are".into());
+            }
         }
         mesh.note_unread(&[("normals", self.normals), ("texture coordinates", self.textures)]);
         Ok((mesh, self.materials))
@@ -243,7 +247,9 @@ impl Obj {
 fn joined<'a>(rest: &mut &'a [u8], ended: bool) -> Option<(Cow<'a, [u8]>, usize)> {
     let mut joined = Cow::Borrowed(&[][..]);
     for count in 1.. {
-        let end = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |end| end + 1);
+        // A carriage return alone ends a line, too: in the files of old Macs.
+        let end = rest.iter().position(|byte| is_line_end(*byte)).map_or(rest.len(), |end| end + 1);
+        let end = end + usize::from(rest[..end].ends_with(b"\r") && rest[end..].starts_with(b"\n"));
         let line = rest.split_off(..end)?.trim_ascii_end();
         match line.strip_suffix(b"\\") {
             Some(begun) if !(ended && rest.is_empty()) => {

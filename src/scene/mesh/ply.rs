@@ -5,7 +5,7 @@ use std::io::{BufRead, Read};
 use glam::Vec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
-    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType, Version,
 };
 
 use super::fault::{counted, goes_on, not_finite};
@@ -30,6 +30,10 @@ fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), MeshEr
             None => MeshError::new("the header has no usable format line").expected("as in: format ascii 1.0"),
         }
     })?;
+    if header.version != (Version { major: 1, minor: 0 }) {
+        let message = format!("the format's version is {}", header.version);
+        return Err(MeshError::new(message).expected("1.0, as in: format ascii 1.0"));
+    }
     let line = reader.line();
     let payload = reader.into_inner();
     let text = &source[..source.len() - payload.len()];
@@ -50,7 +54,7 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, MeshEr
         }
     };
     pieces.leave(left);
-    let mut elements = Elements { pieces, encoding: header.encoding, line, text: String::new() };
+    let mut elements = Elements { pieces, encoding: header.encoding, line, text: String::new(), is_longer: false };
     match elements.mesh(&header) {
         // A read error is not an error of the content.
         Err(_) if elements.pieces.lengthen().is_none() => None,
@@ -130,6 +134,8 @@ impl<R: Read> Elements<R> {
         let mut rest = Vec::new();
         let _ = (&mut self.pieces).take(1 << 12).read_to_end(&mut rest);
         mesh.notes.extend((!rest.trim_ascii().is_empty()).then(|| goes_on("elements")));
+        let longer = "lines have more numbers than the properties that the header lists: these were not read";
+        mesh.notes.extend(self.is_longer.then(|| longer.into()));
         Ok(painted(mesh.cut(&fans)?, header, &tints))
     }
 }
@@ -282,6 +288,18 @@ fn least_bytes(property: &PropertyType) -> usize {
     }
 }
 
+/// Whether a line has more words than its element's properties.
+fn is_longer(line: &str, element: &ElementDef) -> bool {
+    let mut words = line.split_ascii_whitespace();
+    for property in element.properties.values() {
+        let first = words.next();
+        if let (PropertyType::List(..), Some(Ok(count @ 1..))) = (&property.data_type, first.map(str::parse::<usize>)) {
+            words.nth(count - 1);
+        }
+    }
+    words.next().is_some()
+}
+
 fn is_corners(property: &str) -> bool {
     property == "vertex_indices" || property == "vertex_index"
 }
@@ -293,6 +311,8 @@ struct Elements<R> {
     /// In text, the number of the next line.
     line: usize,
     text: String,
+    /// Whether a line has more numbers than its element's properties.
+    is_longer: bool,
 }
 
 impl<R: Read> Elements<R> {
@@ -309,6 +329,7 @@ impl<R: Read> Elements<R> {
                         return Err(self.at(MeshError::new(format!("{name} {number} is no text")).expected("numbers")));
                     }
                 }
+                self.is_longer |= is_longer(&self.text, element);
                 parser.read_ascii_element(&self.text, element)
             }
             Encoding::BinaryLittleEndian => parser.read_little_endian_element(&mut self.pieces, element),
