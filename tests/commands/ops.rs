@@ -190,7 +190,9 @@ mod table {
     #[test]
     fn the_listing_has_every_instruction_and_how_often_it_was_executed() {
         let report = count(Some("dot"), true);
-        for row in report.rows.iter().filter(|row| row.executed.is_some()) {
+        // In Rust that is not optimised, it is that of a function that calls others.
+        let is_whole = |name: &str| !cfg!(debug_assertions) || !["rust", "glam"].contains(&name);
+        for row in report.rows.iter().filter(|row| row.executed.is_some() && is_whole(&row.implementation)) {
             assert_eq!(row.listing.len(), row.function.unwrap(), "{}", row.implementation);
             assert!(row.listing.iter().all(|line| line.executed == Some(1)), "{}", row.implementation);
             assert_eq!(row.listing.iter().filter(|line| line.body).count(), row.body.unwrap_or(0));
@@ -499,6 +501,10 @@ mod command {
 
     #[test]
     fn the_document_in_docs_is_what_the_command_prints() {
+        if cfg!(debug_assertions) {
+            // Its jumps are the longest (see build.rs).
+            return extent::not_run("an optimised build", "the document of instruction counts is current");
+        }
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
         let kept = fs::read_to_string(path).unwrap();
         let made = as_in_docs();
