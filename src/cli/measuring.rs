@@ -51,10 +51,12 @@ pub fn no_clock() -> Failure {
 #[cfg(feature = "cli")]
 pub fn failure(error: LabError) -> Failure {
     match error {
-        LabError::Engine(_) | LabError::Memory { .. } | LabError::Threads(_) => Failure::input(error),
-        LabError::Picture { .. } | LabError::System { .. } | LabError::Uncounted(_) | LabError::Nothing => {
-            Failure::output(error)
-        }
+        LabError::Engine(_) | LabError::Threads(_) => Failure::input(error),
+        LabError::Memory(_)
+        | LabError::Picture { .. }
+        | LabError::System { .. }
+        | LabError::Uncounted(_)
+        | LabError::Nothing => Failure::output(error),
     }
 }
 

@@ -114,7 +114,7 @@ impl From<RenderError> for Failure {
             RenderError::Image(_) => Failure::output(error),
             #[cfg(feature = "mpi")]
             RenderError::Rank(_) => Failure::output(error),
-            RenderError::Memory { .. } | RenderError::Size(_) | RenderError::Threads { .. } => Failure::input(error),
+            RenderError::Memory(_) | RenderError::Size(_) | RenderError::Threads { .. } => Failure::input(error),
         }
     }
 }

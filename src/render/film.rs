@@ -163,10 +163,10 @@ pub enum Film {
 
 /// No memory for a film.
 #[derive(Clone, Debug, thiserror::Error)]
-#[error("there is no memory for a picture of {pixels} pixels: {source}")]
+#[error("there is no memory for {bytes} bytes of pixels: {source}")]
 pub struct NoMemory {
-    /// Its size.
-    pub pixels: usize,
+    /// The memory requested.
+    pub bytes: usize,
     /// The allocator's error.
     pub source: TryReserveError,
 }
@@ -212,7 +212,7 @@ pub(super) use with_pixels;
 impl Film {
     /// A film of `pixels` pixels, none of them black: each is touched, and any that is never written shows.
     pub fn new(format: PixelFormat, pixels: usize) -> Result<Self, NoMemory> {
-        Self::filled(format, pixels).map_err(|source| NoMemory { pixels, source })
+        Self::filled(format, pixels).map_err(|source| NoMemory { bytes: pixels.saturating_mul(format.bytes()), source })
     }
 
     fn filled(format: PixelFormat, pixels: usize) -> Result<Self, TryReserveError> {
@@ -389,6 +389,7 @@ mod tests {
         assert_eq!(<[u8; 4]>::of_colour(colour), [255, 127, 0, 255]);
         assert_eq!(<[u8; 3]>::of_colour(colour), [255, 127, 0]);
     }
+
     #[test]
     fn rows_are_copied_with_what_is_between_them_left_alone_and_no_size_that_is_wrong_is_taken() {
         let linear: Vec<_> = (0..6).map(|i| Vec4::new(i as f32 / 255.0, 0.0, 1.0)).collect();
@@ -415,6 +416,10 @@ mod tests {
                 assert_eq!(wrong(0, 999, 99).to_string(), "pixels in a row: found 0, expected 1");
             }
             Film::new(format, 0).unwrap().copy_rows(3, &mut [], 0).unwrap();
+            for (pixels, bytes) in [(1 << 56, format.bytes() << 56), (usize::MAX, usize::MAX)] {
+                let told = Film::new(format, pixels).unwrap_err().to_string();
+                assert!(told.starts_with(&format!("there is no memory for {bytes} bytes of pixels: ")), "{told}");
+            }
         }
     }
 }

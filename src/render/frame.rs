@@ -1,6 +1,5 @@
 //! The frame: drives an engine over rows of a picture with any number of threads.
 
-use std::collections::TryReserveError;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
@@ -9,7 +8,9 @@ use glam::DVec3;
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
-use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, assert_rows, existing};
+use super::{
+    Counted, Film, FilmMut, Hit, NoMemory, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, assert_rows, existing,
+};
 use crate::plan::{MAX_THREADS, Team};
 use crate::scene::Camera;
 
@@ -27,13 +28,8 @@ pub struct Settings {
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     /// Not even one band fits into memory.
-    #[error("there is no memory for {bytes} bytes of pixels: {source}")]
-    Memory {
-        /// The memory requested.
-        bytes: usize,
-        /// The allocator's error.
-        source: TryReserveError,
-    },
+    #[error(transparent)]
+    Memory(#[from] NoMemory),
     /// A film of another size.
     #[error("the picture cannot be traced: {0}")]
     Size(#[from] WrongSize),
@@ -98,8 +94,7 @@ impl<'a> Frame<'a> {
     pub fn film(&self, format: PixelFormat, rows: u32) -> Result<Film, RenderError> {
         self.has_rows(rows)?;
         let pixels = self.camera.width() as usize * rows as usize;
-        let bytes = pixels * format.bytes();
-        Film::new(format, pixels).map_err(|error| RenderError::Memory { bytes, source: error.source })
+        Ok(Film::new(format, pixels)?)
     }
 
     /// Traces `rows` into `film`; `done` is told of every few rows that are finished. The threads then stay awake for a
