@@ -268,7 +268,8 @@ kinds! {
         let shade_count = for_each(objects, count);
         assert!(triangle_count == 0 || shades.len() >= shade_count);
         assert!(lits.len().min(shorts.len()) >= for_each(spheres.len(), count));
-        assert!(shade_count <= u32::MAX as usize / size_of::<TileShade<E>>(), "offsets have 32 bits");
+        let most = u32::MAX as usize / size_of::<TileShade<E>>();
+        assert!(triangle_count == 0 || shade_count <= most, "offsets of triangles' records have 32 bits");
         assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
         out.check(window);
         let enter = match way {

@@ -15,6 +15,7 @@ mod tiles;
 
 #[cfg(feature = "lab")]
 pub use hits::{InUnits, in_lanes, sphere_hit, triangle_hit};
+pub use light::lights;
 pub use lit::{LitForm, Scale};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;

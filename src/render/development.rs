@@ -87,7 +87,8 @@ impl<'a> Developed<'a> {
     fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
         assert_rows(&rows, [self.width as u32, self.height], out.len());
         let Development { samples, background, exposure, srgb } = self.development;
-        let scale = exposure.exp2() / f64::from(samples * samples);
+        // Beyond numbers, black would be none.
+        let scale = exposure.exp2().min(f64::MAX) / f64::from(samples * samples);
         // The level of one sample is that of its light.
         let as_it_is = scale == 1.0 && samples == 1 && !srgb;
         let across = self.width * samples as usize;
@@ -149,6 +150,10 @@ impl<'a> Developed<'a> {
 
     /// The plain picture, with all samples for pixels at its edges.
     fn rows_along_edges(&self, plain: &Developed<'_>, rows: Range<u32>, mut out: FilmMut<'_>) {
+        assert_rows(&rows, [self.width as u32, self.height], out.len());
+        if rows.is_empty() {
+            return;
+        }
         let (edges, levels) = self.edges(plain, rows.clone());
         match &mut out {
             FilmMut::Rgba8(out) => out.copy_from_slice(&levels),
@@ -224,7 +229,9 @@ impl Tracer for Developed<'_> {
     /// All samples.
     fn count(&self, rows: Range<u32>) -> Counted {
         let rows = existing(rows, self.height);
-        let Some(plain) = &self.plain else { return self.tracer.count(self.samples(rows)) };
+        let Some(plain) = self.plain.as_ref().filter(|_| !rows.is_empty()) else {
+            return self.tracer.count(self.samples(rows));
+        };
         let ((edges, _), samples) = (self.edges(plain, rows.clone()), self.development.samples);
         let at_edges = rows.clone().filter(|row| !edges.row(*row).is_empty()).map(|row| {
             let hits = self.tracer.hits(self.samples(row..row + 1));
@@ -390,6 +397,25 @@ mod tests {
             [(0.0, 0), (0.001, 3), (0.003_130_8, 10), (0.18, 118), (0.5, 188), (1.0, 255), (9.0, 255)]
         {
             assert_eq!(level(nearest_level(linear)), expected, "{linear}");
+        }
+    }
+
+    #[test]
+    fn rows_that_are_none_and_exposures_beyond_numbers_are_developed() {
+        let scene = scene();
+        let development = Development { samples: 2, ..Development::default() };
+        let traced = Scene { camera: development.camera(&scene.camera).unwrap(), ..scene.clone() };
+        let [tracer, plain] = [&traced, &scene].map(|scene| Engine::Rust.prepare(None, scene).unwrap());
+        let edges = Developed::new(tracer.as_ref(), &scene.camera, development).along_edges(plain.as_ref());
+        #[expect(clippy::reversed_empty_ranges)]
+        for rows in [3..3, 5..3, u32::MAX..0] {
+            edges.rows(rows.clone(), FilmMut::Rgba8(&mut []));
+            assert_eq!(edges.count(rows), Counted::default());
+        }
+        for exposure in [2000.0, f64::INFINITY] {
+            let pixels = light(&scene, Development { exposure, ..Development::default() }, 0..36);
+            assert!(pixels.iter().flatten().all(|light| [0.0, f32::MAX].contains(light)));
+            assert!(pixels.contains(&[0.0; 3]) && pixels.contains(&[f32::MAX; 3]));
         }
     }
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::plan::Plan;
+use super::tiles::MOST_LIGHTS;
 use super::{PixelFormat, Tracer};
 use crate::kernels::{self, Isa, PacketKernels};
 use crate::plan::{Keep, Omission};
@@ -81,6 +82,15 @@ pub enum EngineError {
     #[error("the engine `{0}` has no shadows, as in the paper: leave them out or ask one of {has}",
         has = listed(|engine| engine.usable() && engine.has_shadows()))]
     NoShadows(Engine),
+    /// The scene has more lights than the engine takes.
+    #[error("the engine `{engine}` takes at most {} lights, and the scene has {lights}: ask one of {has}", MOST_LIGHTS,
+        has = listed(|engine| engine.usable() && !engine.is_packet()))]
+    Lights {
+        /// The engine.
+        engine: Engine,
+        /// The number of lights that are not dark.
+        lights: usize,
+    },
     /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
     Scene(#[from] InvalidScene),

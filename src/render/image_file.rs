@@ -307,6 +307,12 @@ impl ImageWriter {
         self.extent.rows.clone()
     }
 
+    /// The pixels in a row, the rows of the whole picture, and those that have been written.
+    pub(super) fn size(&self) -> [u32; 3] {
+        let pending = self.pending.len() / self.extent.width as usize;
+        [self.extent.width, self.extent.whole, self.rows + pending as u32]
+    }
+
     /// The encoder of its parts.
     pub(super) fn encoder(&self) -> Arc<PartEncoder> {
         Arc::clone(&self.encoder)

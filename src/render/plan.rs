@@ -4,10 +4,10 @@ use super::aos::AosTracer;
 use super::lit::LitTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
-use super::tiles::{Interleaved, TileTracer};
+use super::tiles::{Interleaved, MOST_LIGHTS, TileTracer};
 use super::{Engine, EngineError, PixelFormat, Precision, Purpose, Tracer};
 use crate::kernels::{self, Element, ElementKernels, PacketKernels};
-use crate::plan::{Raster, Report};
+use crate::plan::{Raster, Report, lights};
 use crate::scene::Scene;
 
 /// A scene planned for an engine.
@@ -23,7 +23,8 @@ impl<'a> Plan<'a> {
     /// Plans `scene` for `engine` and `purpose`.
     ///
     /// # Errors
-    /// [`EngineError::NoPrecision`], [`EngineError::NoShadows`], [`EngineError::Unusable`] and [`EngineError::Scene`].
+    /// [`EngineError::NoPrecision`], [`EngineError::NoShadows`], [`EngineError::Unusable`],
+    /// [`EngineError::Lights`] and [`EngineError::Scene`].
     pub fn new(engine: Engine, scene: &'a Scene, purpose: Purpose) -> Result<Self, EngineError> {
         // An unsupported precision is an error for every engine.
         let precision = engine.precision_for(purpose)?;
@@ -35,8 +36,8 @@ impl<'a> Plan<'a> {
                 let kernels = engine.packets().ok_or(EngineError::Unusable(engine))?;
                 scene.check_lights()?;
                 match precision {
-                    Precision::Double => packets(kernels, (&kernels.double, false), scene, purpose),
-                    _ => packets(kernels, (&kernels.single, precision == Precision::Fast), scene, purpose),
+                    Precision::Double => packets(engine, kernels, (&kernels.double, false), scene, purpose),
+                    _ => packets(engine, kernels, (&kernels.single, precision == Precision::Fast), scene, purpose),
                 }?
             }
             _ => {
@@ -81,6 +82,7 @@ fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + '
 
 /// Packets of rays: in the rows of one sphere under one light, or in tiles.
 fn packets<'a, E: Element>(
+    engine: Engine,
     packets: &'static PacketKernels,
     kernels: (&'static ElementKernels<E>, bool),
     scene: &'a Scene,
@@ -91,6 +93,10 @@ fn packets<'a, E: Element>(
         if let Some(tracer) = LitTracer::new(packets, kernels, scene, purpose) {
             return Ok(Box::new(tracer));
         }
+    }
+    let lights = lights(scene).len();
+    if lights > MOST_LIGHTS {
+        return Err(EngineError::Lights { engine, lights });
     }
     let planning = (purpose.keep, purpose.threads);
     let part = |raster| TileTracer::new(packets, kernels, (scene, raster), planning);

@@ -26,9 +26,12 @@ const FEW: usize = 8;
 const FEW_LISTED: usize = 1 << 12;
 const QUICK: u64 = 1 << 21;
 
-/// Each pixel may be in shadows of its own, and has then a record of what each light does there. For more of these a
-/// tile is traced in parts, row by row at the least.
+/// Each object of a tile, and each pixel that is in shadows of its own, has a record of what each light does there. For more
+/// of these a tile forgets the objects that have no pixel, and is traced in parts, row by row at the least.
 const MOST_EFFECTS: usize = 1 << 22;
+
+/// The most lights: a row of a tile in shadows, before it and after it, then has records to which 32 bits can point.
+pub const MOST_LIGHTS: usize = 1 << 18;
 
 /// A scene planned for tiles, and the kernels that trace it.
 pub struct TileTracer<'a, E: Element> {
@@ -190,7 +193,7 @@ impl<E: Element> TileTracer<'_, E> {
         (scratch, wide_scratch): &mut Scratches<E>,
         misses: &mut Misses<P>,
     ) -> bool {
-        let lights = self.plan.shadows().map_or(0, |_| self.plan.points().len()).max(1);
+        let lights = self.plan.points().len().max(1);
         let (rows, most) = (&window.rows, (MOST_EFFECTS / (lights * TILE_WIDTH)).clamp(1, TILE_HEIGHT) as u32);
         // If no object can be in the first rows, none can be in the tile.
         rows.clone().step_by(most as usize).all(|start| {

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::image_file::PartEncoder;
-use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError, UNPOISONED};
+use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError, UNPOISONED, WrongSize};
 use crate::measure::Cycles;
 
 /// A band is as many whole rows as fit into this for each thread, and at least one. The first picture waits for the
@@ -62,7 +62,21 @@ impl Stats {
 }
 
 /// Renders the rows of an image file into it, band by band; `done` is told of every few rows that are traced.
+///
+/// # Errors
+/// [`RenderError::Size`] if the file is not for pictures of the frame's size, or has rows already, and then nothing is
+/// traced; [`RenderError::Memory`] and [`RenderError::Image`].
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
+    let (camera, [width, height, begun]) = (&frame.camera, image.size());
+    for (what, found, expected) in [
+        ("pixels in a row of the file", width, camera.width()),
+        ("rows of the file's picture", height, camera.height()),
+        ("rows in the file already", begun, 0),
+    ] {
+        if found != expected {
+            return Err(WrongSize { what, found: found as usize, expected: expected as usize }.into());
+        }
+    }
     let mut bands = Bands::new(frame, image.encoder())?;
     let (all, height) = (image.rows(), bands.height(image.rows().len() as u32, 1));
     let mut stats = Stats::of(frame);

@@ -36,7 +36,7 @@ pub struct Mesh {
     pub vertices: Vec<Vec3>,
     /// Three indices into `vertices` for each triangle; methods panic if one is out of range.
     pub triangles: Vec<[u32; 3]>,
-    /// Their colours, in runs of consecutive triangles, each up to an end; empty if all are white.
+    /// Their colours, in runs of consecutive triangles, each up to an end; those after the last are white.
     pub colours: Vec<ColourRun>,
     /// How many faces of the file had more than three corners and were triangulated: the same face if it is planar.
     pub polygons: usize,
@@ -171,11 +171,10 @@ impl Mesh {
     }
 
     /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`; None beyond f32.
-    pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
+    pub fn placed(mut self, map: ToCamera, colour: Vec3) -> Option<Faces> {
+        // Those after the last run are white.
+        self.paint_to(self.triangles.len(), Vec3::ONE);
         let Mesh { vertices, triangles, mut colours, .. } = self;
-        if colours.is_empty() {
-            colours.push((triangles.len(), Vec3::ONE));
-        }
         colours.iter_mut().for_each(|(_, of)| *of *= colour);
         Faces::coloured(vertices, triangles, colours).moved(map).ok()
     }

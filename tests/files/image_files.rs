@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use rayo::measure::picture::{Picture, Pixels};
-use rayo::render::{Format, ImageError, ImageFile, ImageWriter, OutputError, read};
+use rayo::render::{Engine, Format, Frame, ImageError, ImageFile, ImageWriter, OutputError, Settings, read, render};
+use rayo::scene::{Scene, many};
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -567,6 +568,34 @@ fn exr_shows_what_of_its_data_is_in_its_display_window() {
     let row = |y| [[1.0, y, 1.0], [2.0, y, 1.0], [3.0, y, 1.0]];
     let expected = [[[0.0; 3]; 3], row(0.0), row(1.0)].concat();
     assert_eq!(sound(&path), Picture::new(3, 3, Pixels::Rgb32F(expected)));
+}
+
+#[test]
+fn a_file_takes_only_pictures_of_its_size_and_one_of_them() {
+    let folder = TempDir::new().unwrap();
+    let scene = many(3, 3, 1);
+    let scene = Scene { camera: scene.camera.sized(7, 4).unwrap(), ..scene };
+    let tracer = Engine::Rust.prepare(None, &scene).unwrap();
+    let frame = Frame::new(&*tracer, scene.camera, Settings { threads: 1 }).unwrap();
+    for (name, format) in FORMATS {
+        let path = folder.path().join(name);
+        let into =
+            |image: &mut ImageWriter| render(&frame, image, &|_| ()).map(drop).map_err(|error| error.to_string());
+        for (width, height, why) in [
+            (10, 4, "pixels in a row of the file: found 10, expected 7"),
+            (14, 2, "pixels in a row of the file: found 14, expected 7"),
+            (7, 8, "rows of the file's picture: found 8, expected 4"),
+        ] {
+            let mut image = ImageWriter::create(&path, format, width, height).unwrap();
+            assert_eq!(into(&mut image), Err(format!("the picture cannot be traced: {why}")), "{name}");
+        }
+        let mut image = ImageWriter::create(&path, format, 7, 4).unwrap();
+        into(&mut image).unwrap();
+        let twice = "the picture cannot be traced: rows in the file already: found 4, expected 0";
+        assert_eq!(into(&mut image), Err(twice.into()), "{name}");
+        image.finish().unwrap();
+        assert_eq!(ImageFile::open(&path).unwrap().size(), (7, 4));
+    }
 }
 
 #[test]

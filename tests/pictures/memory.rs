@@ -122,3 +122,57 @@ fn shadows_of_many_lights_take_memory_by_the_objects_and_for_a_part_of_a_tile_al
         assert!(peak < most, "{precision:?}: {peak} bytes, at most {most}");
     }
 }
+
+/// Many objects in one tile under many lights: their records are those of a part of the tile, and of what it shows.
+#[test]
+fn objects_under_many_lights_take_memory_for_a_part_of_a_tile_alone() {
+    /// The effects of lights on objects that are kept at once, and of those that are set up together.
+    const EFFECTS: usize = 2 << 22;
+    let mut rng = Rng::new(3);
+    let mut place = |z: f32| {
+        let [x, y] = [0; 2].map(|_| z * (rng.next_u64() % 1000) as f32 / 1000.0 - 0.5 * z);
+        Vec3::new(x, 0.5 * y, z)
+    };
+    let spheres = (0..3000).map(|i| Sphere { colour: Vec3::ONE, centre: place(20.0 - i as f32 / 300.0), radius: 0.2 });
+    let spheres: Vec<_> = spheres.collect();
+    let triangles: Vec<_> = (0..3000)
+        .map(|i| {
+            let corner = place(20.0 - i as f32 / 300.0);
+            Triangle { colour: Vec3::ONE, vertices: [Vec3::ZERO, 0.4 * Vec3::X, 0.4 * Vec3::Y].map(|at| corner + at) }
+        })
+        .collect();
+    let around = (0..3000).map(|i| Sphere { colour: Vec3::ONE, centre: Vec3::ZERO, radius: 60.0 - i as f32 / 100.0 });
+    let camera = Camera::new(64, 32, 1.0, 1.0).unwrap();
+    let lights = |count: usize| {
+        let light =
+            |i| Light { intensity: 1.0 / count as f32, colour: Vec3::ONE, position: Vec3::new(i as f32, 9.0, -5.0) };
+        (0..count).map(light).collect()
+    };
+    let plain = Scene::new(camera);
+    let mixed = Scene { lights: lights(4096), spheres, triangles: triangles.clone(), ..plain.clone() };
+    let inside = Scene { lights: lights(4096), spheres: around.collect(), triangles, ..plain.clone() };
+    for (name, scene) in [("mixed", mixed), ("inside", inside)] {
+        let mut expected = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize).unwrap();
+        Engine::Rust.prepare(None, &scene).unwrap().rows(0..32, expected.as_mut());
+        for precision in [Precision::Single, Precision::Double] {
+            let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
+            let peak = peak_of(|| picture(&scene, precision, &mut film)).1;
+            let most = EFFECTS * 2 * if precision == Precision::Double { 64 } else { 32 };
+            assert!(peak < most, "{name}, {precision:?}: {peak} bytes, at most {most}");
+            let levels = |film: &Film, at: usize| film.colour(at).levels().map(i32::from);
+            let apart = (0..2048).filter(|at| {
+                let pairs = levels(&film, *at).into_iter().zip(levels(&expected, *at));
+                pairs.into_iter().any(|(one, other)| (one - other).abs() > 1)
+            });
+            // `rust` rounds each of thousands of sums.
+            assert_eq!(apart.count(), 0, "{name}, {precision:?}");
+        }
+    }
+    let many = Scene {
+        lights: lights(300_000),
+        spheres: vec![Sphere { colour: Vec3::ONE, centre: Vec3::Z, radius: 0.1 }],
+        ..plain
+    };
+    let refused = Engine::fastest().prepare(None, &many).err().unwrap().to_string();
+    assert!(refused.contains(" takes at most 262144 lights, and the scene has 300000: ask one of "), "{refused}");
+}

@@ -1,8 +1,8 @@
 //! The nearest object at each pixel of a tile: layers from near to far, culling hidden objects before set-up.
 
-use super::TileTracer;
 use super::shadows::ShadowScratch;
 use super::spheres::TileSpheres;
+use super::{MOST_EFFECTS, TileTracer};
 use crate::kernels::{
     CHUNK, Candidate, Element, ObjectList, PART_SIDE, SphereChunk, TILE_HEIGHT, TILE_PARTS, TILE_WIDTH, TileBuffers,
     TileShade, TileView, TileWindow, TriangleChunk,
@@ -40,8 +40,8 @@ fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
 }
 
-/// A tile of more spheres drops those without a pixel: ids stay within the integers of f32.
-const MOST_SPHERES: usize = 1 << 16;
+/// A tile of more spheres, or triangles, drops those without a pixel: ids stay within the integers of f32.
+const MOST_OBJECTS: usize = 1 << 16;
 
 /// The memory of a thread beside the plan.
 #[derive(Default)]
@@ -124,7 +124,12 @@ impl<E: Element> TileTracer<'_, E> {
             self.look_at_spheres(weighted, buffers, &mut objects.spheres, so_far.is_some());
         }
         let mut before = 1 + self.plan.spheres().len() as u32;
-        let first_triangle = objects.order.len();
+        let (first_triangle, most) = (objects.order.len(), self.most_objects(window));
+        let forget_triangles = |buffers: &mut TileBuffers<E>, objects: &mut TileObjects<E>| {
+            let TileObjects { order, shades, forgotten, .. } = objects;
+            let owns = forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
+            *forgotten += owns.into_iter().filter(|owns| !owns).count();
+        };
         let all = self.plan.triangle_lists();
         for (kind, (list, mut large)) in all.iter().zip(large).enumerate() {
             let mut trace = |triangles: &[Candidate], buffers: &mut TileBuffers<E>| {
@@ -132,17 +137,19 @@ impl<E: Element> TileTracer<'_, E> {
                     buffers.clear();
                     any = true;
                 }
-                let TileObjects { order, shades, forgotten, .. } = &mut *objects;
+                let TileObjects { order, shades, .. } = &mut *objects;
                 if order.len() == first_triangle {
                     let dark = first_triangle * weighted.lights.len();
                     shades.resize(shades.len().max(dark), TileShade::default());
                     shades[..dark].fill(TileShade::default());
                 } else if order.len() - first_triangle > TILE_WIDTH * TILE_HEIGHT {
-                    let owns = forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
-                    *forgotten += owns.into_iter().filter(|owns| !owns).count();
+                    forget_triangles(buffers, objects);
                 }
                 self.near_first(triangles, layers, buffers, window, |candidates, buffers| {
                     for start in (0..candidates.len()).step_by(CHUNK) {
+                        if objects.order.len() - first_triangle > most {
+                            forget_triangles(buffers, objects);
+                        }
                         let TileObjects { order, shades, .. } = &mut *objects;
                         let first_id = order.len();
                         let candidates = &candidates[start..];
@@ -271,40 +278,51 @@ impl<E: Element> TileTracer<'_, E> {
         weighted: &Weighted,
         buffers: &mut TileBuffers<E>,
         layers: &mut Layers,
-        TileObjects { order, spheres: tile_spheres, forgotten, .. }: &mut TileObjects<E>,
+        objects: &mut TileObjects<E>,
         window: &TileWindow,
     ) {
-        let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
+        let (grid, kernels, most) = (self.plan.grid(), &self.kernels.tiles, self.most_objects(window));
+        let forget_beyond = |most: usize, buffers: &mut TileBuffers<E>, objects: &mut TileObjects<E>| {
+            let TileObjects { order, spheres, forgotten, .. } = objects;
+            if order.len() > most {
+                let mut owns = forget_unseen(buffers, 1, order, &mut [], 0).into_iter().skip(1);
+                *forgotten += spheres.candidates.len();
+                spheres.candidates.retain(|_| owns.next() == Some(true));
+                *forgotten -= spheres.candidates.len();
+            }
+        };
         if spheres.iter().any(|candidate| candidate.most == Candidate::ANY) {
             for candidate in spheres.extract_if(.., |candidate| candidate.most == Candidate::ANY) {
                 let sphere = &self.plan.spheres()[candidate.id as usize];
                 let Some(around) = self.plan.around(sphere) else { continue };
-                order.push(1 + candidate.id);
-                tile_spheres.candidates.push(candidate);
+                forget_beyond(most, buffers, objects);
+                objects.order.push(1 + candidate.id);
+                objects.spheres.candidates.push(candidate);
                 if self.plan.keep().has(Omission::Misses) || !self.plan.misses(window, sphere) {
-                    kernels.around.call(&around, window, buffers, order);
+                    kernels.around.call(&around, window, buffers, &objects.order);
                 }
             }
         }
         self.near_first(spheres, layers, buffers, window, |candidates, buffers| {
             for start in (0..candidates.len()).step_by(CHUNK) {
-                if order.len() > MOST_SPHERES {
-                    let owns = forget_unseen(buffers, 1, order, &mut [], 0);
-                    let mut owns = owns.into_iter().skip(1);
-                    *forgotten += tile_spheres.candidates.len();
-                    tile_spheres.candidates.retain(|_| owns.next() == Some(true));
-                    *forgotten -= tile_spheres.candidates.len();
-                }
+                forget_beyond(most, buffers, objects);
+                let TileObjects { order, spheres, .. } = &mut *objects;
                 let first_id = order.len();
                 let candidates = &candidates[start..];
                 let chunk = &candidates[..candidates.len().min(CHUNK)];
                 order.extend(chunk.iter().map(|candidate| 1 + candidate.id));
-                tile_spheres.candidates.extend_from_slice(chunk);
+                spheres.candidates.extend_from_slice(chunk);
                 let spheres = SphereChunk { spheres: self.plan.spheres(), candidates };
                 kernels.sphere_set_up.call(&weighted.spheres, spheres, first_id, buffers);
                 kernels.nearest_spheres.call(buffers, order, window, &grid, self.fewest_across());
             }
         });
+    }
+
+    /// See [`MOST_EFFECTS`] and [`MOST_OBJECTS`].
+    fn most_objects(&self, window: &TileWindow) -> usize {
+        let pixels = window.columns as usize * window.rows.len();
+        (MOST_EFFECTS / self.plan.points().len().max(1)).clamp(pixels, MOST_OBJECTS)
     }
 
     /// A triangle whose bounds have fewer blocks in a row is tested at all of them: with a few, the number left is

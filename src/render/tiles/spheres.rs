@@ -2,15 +2,15 @@
 
 use glam::DVec3;
 
-use super::TileTracer;
+use super::{MOST_EFFECTS, TileTracer};
 use crate::kernels::{
     AroundSphere, CHUNK, Candidate, Element, SphereChunk, SphereRecords, TileBuffers, TileWindow, normal_over_t,
 };
 use crate::plan::{Omission, Weighted};
 use crate::reference::geometry;
 
-/// A scene of at most this many spheres has their shading records made once, before its first tile. In scenes of more,
-/// each tile makes those of the spheres that own a pixel there.
+/// A scene of at most this many spheres has their shading records made once, before its first tile. In scenes of more, or of
+/// too many lights, each tile makes those of the spheres that own a pixel there.
 const MOST_RECORDS: usize = 4096;
 
 /// In a tile of fewer spheres it costs more to find those that own a pixel than to make all their records.
@@ -41,7 +41,8 @@ impl<E: Element> TileTracer<'_, E> {
             records
         };
         // A tile that has shadows has records of what they leave of a sphere.
-        (count <= MOST_RECORDS && self.plan.shadows().is_none())
+        let effects = count * self.plan.sphere_lights().len();
+        (count <= MOST_RECORDS && effects <= MOST_EFFECTS && self.plan.shadows().is_none())
             .then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
     }
 
