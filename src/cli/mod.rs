@@ -44,14 +44,13 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 
 use clap::{Parser, Subcommand};
 use serde::Serialize;
 use terminal_size::{Height, Width, terminal_size_of};
 
 use self::party::Party;
-use crate::kernels::sys::{has_small_stack, is_standard_output_open};
+use crate::kernels::sys::{has_small_stack, is_open, new_thread};
 use crate::kernels::{Isa, memory};
 use crate::render::{RenderError, remove_unfinished};
 use crate::scene::{brief, is_unseen, shown};
@@ -147,8 +146,16 @@ fn keep_apart(output: &Path, inputs: &[impl AsRef<Path>]) -> Result<(), Failure>
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
     // Reading the arguments takes some 70 kB.
-    let other = has_small_stack().then(|| thread::Builder::new().spawn(run));
-    other.and_then(Result::ok).map_or_else(run, |other| other.join().unwrap_or(ExitCode::from(101)))
+    if !has_small_stack() {
+        return run();
+    }
+    match new_thread().and_then(|thread| thread.spawn(run)) {
+        Ok(other) => other.join().unwrap_or(ExitCode::from(101)),
+        Err(error) => {
+            let small = "the stack has less than 1 MiB, and no thread with a larger one can be started";
+            Failure::output(format!("{small} ({error}): raise ulimit -s")).tell()
+        }
+    }
 }
 
 fn run() -> ExitCode {
@@ -330,7 +337,7 @@ fn print(text: &str) -> Result<(), Failure> {
 /// Writes to standard output. Who has stopped reading has read enough.
 fn write_out(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    let opened = if is_standard_output_open() { Ok(()) } else { Err(io::Error::other("it is closed")) };
+    let opened = if is_open(1) { Ok(()) } else { Err(io::Error::other("it is closed")) };
     match opened.and_then(|()| out.write_all(bytes)).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(Failure::output(format!("cannot write to standard output: {error}")))

@@ -46,9 +46,9 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     if args.orbit.is_some() {
         can_go_round(args, party)?;
     }
-    let mut written = BTreeSet::new();
+    let (mut read, mut written) = (args.scenes.clone(), BTreeSet::new());
     if let [scene] = &args.scenes[..] {
-        render_one(args, party, scene, tracing, &mut written)?;
+        render_one(args, party, scene, tracing, (&mut read, &mut written))?;
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(directory) = args.output.as_deref().filter(|path| !path.is_dir()) {
@@ -63,7 +63,7 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     }
     let mut status = ExitCode::SUCCESS;
     for scene in &args.scenes {
-        if let Err(mut failure) = render_one(args, party, scene, tracing, &mut written) {
+        if let Err(mut failure) = render_one(args, party, scene, tracing, (&mut read, &mut written)) {
             let name = shown(scene);
             if !failure.message.contains(&name) {
                 failure.message = format!("{name}: {}", failure.message);
@@ -108,16 +108,16 @@ fn can_go_round(args: &RenderArgs, party: &Party) -> Result<(), Failure> {
     Err(Failure::input(problem))
 }
 
-/// Renders a scene to a picture that is not among those `written` before.
+/// Renders a scene to a picture that is not among the files `read` so far, nor those `written`.
 fn render_one(
     args: &RenderArgs,
     party: &Party,
     scene_path: &Path,
     tracing: Tracing,
-    written: &mut BTreeSet<PathBuf>,
+    (read, written): (&mut Vec<PathBuf>, &mut BTreeSet<PathBuf>),
 ) -> Result<(), Failure> {
     let clock = Instant::now();
-    let (mut scene, up, inputs) = args.open(scene_path, party)?;
+    let (mut scene, up, mut files) = args.open(scene_path, party)?;
     let (camera, parse) = (scene.camera, clock.elapsed());
     let rows = args.rows_of(&camera)?;
     scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
@@ -130,14 +130,17 @@ fn render_one(
         return show(&mut scene);
     }
     let (path, format) = output(args, &scene)?;
-    if written.contains(&path) {
+    // A link is the file that it points to.
+    let file = |path: &Path| path.canonicalize().unwrap_or(path.into());
+    if written.contains(&file(&path)) {
         let path = shown(path);
         return Err(Failure::input(format!(
             "its picture is {path}, as is that of a scene before it: render it in a call of its own"
         )));
     }
     // With --broadcast only the first process knows the files.
-    party.agree(keep_apart(&path, &inputs))?;
+    read.append(&mut files);
+    party.agree(keep_apart(&path, read))?;
     let development = args.development.of(&path, format)?;
     if args.preview {
         show(&mut scene)?;
@@ -154,7 +157,7 @@ fn render_one(
     let progress = Progress::new(all_rows, args.quiet, party.bar_target(prints));
     let picture = Picture { args, party, tracing, camera, rows, format, development, progress };
     if let Some(count) = args.orbit {
-        return picture.go_round(&scene, (up, count), &path, &inputs);
+        return picture.go_round(&scene, (up, count), &path, read);
     }
     let (setup, stats) = picture.write(&scene, &path)?;
     picture.progress.end();
@@ -167,6 +170,6 @@ fn render_one(
     } else if !args.quiet {
         say(&format!("{}: {} by {engine}, traced in {:.1?}", shown(&path), picture.size(), stats.trace));
     }
-    written.insert(path);
+    written.insert(file(&path));
     Ok(())
 }

@@ -40,16 +40,18 @@ fn start(mut heard: impl FnMut() + Send + 'static) -> io::Result<()> {
     use signal_hook::iterator::Signals;
 
     use super::say;
-    use crate::kernels::sys::is_ignored;
+    use crate::kernels::sys::{is_ignored, new_thread};
 
     let listened = [SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXCPU].into_iter().filter(|signal| !is_ignored(*signal));
     // Signals that nobody hears would be lost: the thread is there first.
     let (give, take) = mpsc::channel::<Signals>();
-    let listening = std::thread::Builder::new().spawn(move || {
-        for signal in take.recv().iter_mut().flat_map(Signals::forever) {
-            STATUS.store(128 + signal as u8, Ordering::Relaxed);
-            heard();
-        }
+    let listening = new_thread().and_then(|thread| {
+        thread.spawn(move || {
+            for signal in take.recv().iter_mut().flat_map(Signals::forever) {
+                STATUS.store(128 + signal as u8, Ordering::Relaxed);
+                heard();
+            }
+        })
     });
     match listening {
         Ok(_) => drop(give.send(Signals::new(listened)?)),

@@ -93,20 +93,22 @@ pub fn has_small_stack() -> bool {
 }
 
 #[cfg(unix)]
-pub use at_start::is_standard_output_open;
+pub use at_start::is_open;
 
-/// Standard output before Rust's runtime opened `/dev/null` in place of a closed descriptor.
+/// Standard output and standard error before Rust's runtime opened `/dev/null` in place of closed descriptors.
 #[cfg(unix)]
 mod at_start {
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    static IS_OPEN: AtomicBool = AtomicBool::new(true);
+    static ARE_OPEN: [AtomicBool; 2] = [AtomicBool::new(true), AtomicBool::new(true)];
 
     #[cfg_attr(miri, allow(dead_code))]
     extern "C" fn look() {
-        // SAFETY: asks for the flags of a descriptor, which need not exist.
-        let flags = unsafe { libc::fcntl(1, libc::F_GETFL) };
-        IS_OPEN.store(flags != -1 && flags & libc::O_ACCMODE != libc::O_RDONLY, Ordering::Relaxed);
+        for (descriptor, is_open) in [1, 2].into_iter().zip(&ARE_OPEN) {
+            // SAFETY: asks for the flags of a descriptor, which need not exist.
+            let flags = unsafe { libc::fcntl(descriptor, libc::F_GETFL) };
+            is_open.store(flags != -1 && flags & libc::O_ACCMODE != libc::O_RDONLY, Ordering::Relaxed);
+        }
     }
 
     /// Called by the system before main; `look` needs nothing that main would have to prepare. Miri has no such descriptors.
@@ -116,16 +118,25 @@ mod at_start {
     #[cfg_attr(not(target_vendor = "apple"), unsafe(link_section = ".init_array"))]
     static LOOK: extern "C" fn() = look;
 
-    /// Whether standard output was open when the process began. If not, printed output is lost without an error.
-    pub fn is_standard_output_open() -> bool {
-        IS_OPEN.load(Ordering::Relaxed)
+    /// Whether standard output (1) or standard error (2) was open when the process began. If not, what is printed there is
+    /// lost without an error.
+    pub fn is_open(descriptor: usize) -> bool {
+        ARE_OPEN[descriptor - 1].load(Ordering::Relaxed)
     }
 }
 
-/// Whether standard output was closed is unknown on this system.
+/// Whether these were closed is unknown on this system.
 #[cfg(not(unix))]
-pub fn is_standard_output_open() -> bool {
+pub fn is_open(_: usize) -> bool {
     true
+}
+
+/// A thread to be started, if there is memory for it: where that ends while a thread begins, the process does.
+pub fn new_thread() -> io::Result<std::thread::Builder> {
+    /// Its stack, and what Rust and the system need before its first instruction.
+    const ROOM: usize = 4 << 20;
+    drop(memmap2::MmapMut::map_anon(ROOM)?);
+    Ok(std::thread::Builder::new())
 }
 
 /// Makes streaming stores visible to other threads before any later store.

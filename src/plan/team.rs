@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder, Yield};
 
-use crate::kernels::sys::cores;
+use crate::kernels::sys::{cores, new_thread};
 
 /// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
@@ -72,7 +72,8 @@ impl Team {
     fn start(others: usize) -> Self {
         let started = (0..others).map_while(|_| {
             let (give, take) = mpsc::channel::<ThreadBuilder>();
-            thread::Builder::new().spawn(move || take.recv().map(ThreadBuilder::run)).is_ok().then_some(give)
+            let thread = new_thread().and_then(|thread| thread.spawn(move || take.recv().map(ThreadBuilder::run)));
+            thread.is_ok().then_some(give)
         });
         let mut started: Vec<_> = started.collect();
         let others = started.len();

@@ -252,12 +252,21 @@ pub(super) fn open(
     if existing == Existing::Keep && fs::symlink_metadata(path).is_ok() {
         return Err(OutputError::Exists { path: path.into() });
     }
+    let mut is_temporary = false;
     let (file, end) = match direct(path).map_err(failed)? {
-        Some(target) if seeking => (tempfile::tempfile().map_err(failed)?, End::CopyTo(target)),
+        Some(target) if seeking => {
+            let unmade = |error: io::Error| OutputError::Directory {
+                path: path.into(),
+                directory: std::env::temp_dir(),
+                error: error.kind(),
+            };
+            is_temporary = true;
+            (tempfile::tempfile().map_err(unmade)?, End::CopyTo(target))
+        }
         Some(target) => (target, End::Nothing),
         None => beside(path, existing, announce)?,
     };
-    let sink = Sink::new(file);
+    let sink = Sink::new(file, is_temporary);
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
@@ -278,12 +287,18 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     if is_standard_output(path) {
         // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a socket.
         use std::os::fd::AsFd;
-        if !crate::kernels::sys::is_standard_output_open() {
+        if !crate::kernels::sys::is_open(1) {
             return Err(io::Error::other("standard output is closed"));
         }
         return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));
     }
-    let descriptor = ["/dev/fd", "/dev/stderr", "/proc"].iter().any(|place| path.starts_with(place));
+    let is_error = ["/dev/stderr", "/dev/fd/2", "/proc/self/fd/2"].iter().any(|name| path == Path::new(name));
+    #[cfg(unix)]
+    if is_error && !crate::kernels::sys::is_open(2) {
+        return Err(io::Error::other("standard error is closed"));
+    }
+    // As in /dev/fd/3 and /proc/self/fd/3.
+    let descriptor = is_error || path.parent().is_some_and(|folder| folder.ends_with("fd")) && path.starts_with("/");
     match fs::metadata(path) {
         // For a directory, opening it gives the clearest error.
         Ok(metadata) if descriptor || !metadata.is_file() => {
@@ -403,6 +418,7 @@ struct Inner {
 struct Timed {
     file: File,
     writing: Duration,
+    is_temporary: bool,
 }
 
 impl Write for Timed {
@@ -410,7 +426,11 @@ impl Write for Timed {
         let clock = Instant::now();
         let result = self.file.write(bytes);
         self.writing += clock.elapsed();
-        result
+        result.map_err(|error| {
+            let place = std::env::temp_dir();
+            let told = || format!("{error}, in the directory {} of temporary files", shown(place));
+            if self.is_temporary { io::Error::new(error.kind(), told()) } else { error }
+        })
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -425,8 +445,9 @@ impl Seek for Timed {
 }
 
 impl Sink {
-    fn new(file: File) -> Self {
-        let out = BufWriter::with_capacity(1 << 16, Timed { file, writing: Duration::ZERO });
+    fn new(file: File, is_temporary: bool) -> Self {
+        let timed = Timed { file, writing: Duration::ZERO, is_temporary };
+        let out = BufWriter::with_capacity(1 << 16, timed);
         Sink(Arc::new(Mutex::new(Inner { out, failure: None })))
     }
 

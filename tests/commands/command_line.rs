@@ -549,8 +549,47 @@ fn what_is_read_is_not_replaced() {
         place.refuses(arguments, 2, &format!("error: {of} is what is read, and would be replaced: name another file"));
     }
     assert_eq!(fs::read_to_string(place.path("scene.ppm")).unwrap(), SCENE);
+    // Nor is a scene whose turn has not come, or was before.
+    place.write("one.in", &SCENE.replace("picture.png", "scene.ppm"));
+    for scenes in ["one.in scene.ppm", "scene.ppm one.in"] {
+        let run = place.run(&format!("render {scenes} --force --quiet"));
+        let told = "error: one.in: scene.ppm is what is read, and would be replaced: name another file\n";
+        assert_eq!((run.status, run.stderr.as_str()), (2, told), "{scenes}");
+        assert_eq!(fs::read_to_string(place.path("scene.ppm")).unwrap(), SCENE);
+    }
     // The first two of three pictures are not written either.
     assert!(!place.files().contains(&"paint0.png".into()));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_picture_goes_where_its_name_leads() {
+    let place = Place::new();
+    // Two names of one file.
+    std::os::unix::fs::symlink("picture.png", place.path("link.png")).unwrap();
+    place.write("link.in", &SCENE.replace("picture.png", "link.png"));
+    let run = place.run("render scene.in link.in --force --quiet");
+    let told =
+        "error: link.in: its picture is link.png, as is that of a scene before it: render it in a call of its own\n";
+    assert_eq!((run.status, run.stderr.as_str()), (2, told));
+    // A file by way of the system's own names for its directory is whole or not at all, too.
+    #[cfg(target_os = "linux")]
+    {
+        place.write("old.ppm", "old");
+        let run =
+            place.shell("trap '' XFSZ; ulimit -f 1; rayo render scene.in --size 100x100 -o /proc/self/cwd/old.ppm");
+        assert_eq!(run.status.code(), Some(1), "{run:?}");
+        assert_eq!(fs::read_to_string(place.path("old.ppm")).unwrap(), "old");
+    }
+    assert_eq!(place.shell("rayo render scene.in -o /dev/stderr --quiet 2>&-").status.code(), Some(1));
+    assert!(place.shell("rayo render scene.in -o /dev/stderr --quiet").stderr.starts_with(b"\x89PNG"));
+    // What is written out of order to a stream is in a temporary file first.
+    let run = place.shell("TMPDIR=/nowhere rayo render scene.in -o exr:-");
+    let told = "error: cannot write /dev/stdout: no file can be created in the directory /nowhere (entity not found); \
+                name one that you may write to\n";
+    assert_eq!(String::from_utf8_lossy(&run.stderr), told);
+    let run = place.shell("trap '' XFSZ; ulimit -f 0; rayo render scene.in -o exr:- | cat");
+    assert!(String::from_utf8_lossy(&run.stderr).contains(" of temporary files"), "{run:?}");
 }
 
 #[cfg(unix)]
@@ -1229,6 +1268,9 @@ fn what_there_is_no_memory_for_is_told_and_neither_plans_nor_pictures_need_anoth
     let output = place.shell(&format!("export RUST_MIN_STACK=100000000000000; rayo plan {scene}"));
     assert!(output.status.success(), "{output:?}");
     assert_eq!(place.files(), ["scene.in"]);
+    let output = place.shell("export RUST_MIN_STACK=100000000000000; ulimit -s 64; rayo render scene.in -o a.png");
+    let told = "error: the stack has less than 1 MiB, and no thread with a larger one can be started (";
+    assert!(output.stderr.starts_with(told.as_bytes()) && output.status.code() == Some(1), "{output:?}");
     // Nor do pictures whose encoders have one of their own if there is one.
     for format in ["exr", "tiff"] {
         let render = format!("rayo render scene.in --force --threads 1 -o a.{format}");

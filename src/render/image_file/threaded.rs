@@ -2,6 +2,7 @@
 
 use super::Extent;
 use super::parts::{Encode, Join};
+use crate::kernels::sys::new_thread;
 use crate::render::output::Sink;
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::enumerate_ordered_header_block_indices;
@@ -15,7 +16,6 @@ use flate2::write::ZlibEncoder;
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread;
 use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, Tag};
 use tiff::{TiffError, TiffResult};
@@ -34,7 +34,7 @@ impl Threaded {
     fn new(count: usize, write: impl FnOnce(Receiver<Vec<u8>>) -> io::Result<()> + Send + 'static) -> Self {
         let (give, take) = sync_channel(1);
         let work = move || take.recv().map_or(Ok(()), |write: Box<dyn FnOnce() -> _ + Send>| write());
-        let thread = thread::Builder::new().name("writer".into()).spawn(work);
+        let thread = new_thread().and_then(|thread| thread.name("writer".into()).spawn(work));
         let (parts, receiver) = sync_channel(if thread.is_ok() { 1 } else { count });
         let write = Box::new(move || write(receiver));
         let rest: Box<dyn FnOnce() -> _ + Send> = match thread {
