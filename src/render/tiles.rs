@@ -193,12 +193,10 @@ impl<E: Element> TileTracer<'_, E> {
         (scratch, wide_scratch): &mut Scratches<E>,
         misses: &mut Misses<P>,
     ) -> bool {
-        let lights = self.plan.points().len().max(1);
-        let (rows, most) = (&window.rows, (MOST_EFFECTS / (lights * TILE_WIDTH)).clamp(1, TILE_HEIGHT) as u32);
-        // If no object can be in the first rows, none can be in the tile.
-        rows.clone().step_by(most as usize).all(|start| {
-            let window = &TileWindow { rows: start..rows.end.min(start + most), ..*window };
-            let first = out.first + (start - rows.start) as usize * out.width;
+        let top = window.rows.start;
+        self.parts(window).all(|window| {
+            let window = &window;
+            let first = out.first + (window.rows.start - top) as usize * out.width;
             let out = TileOut { pixels: &mut *out.pixels, first, width: out.width };
             match &self.wide {
                 Some(wide) if self.plan.is_wide(tile) => {
@@ -207,6 +205,16 @@ impl<E: Element> TileTracer<'_, E> {
                 _ => self.trace_own(tile, window, out, scratch, misses),
             }
         })
+    }
+
+    /// A window in parts of so many rows that [`MOST_EFFECTS`] holds. If no object can be in the first, none can be in the tile.
+    fn parts(&self, window: &TileWindow) -> impl Iterator<Item = TileWindow> + use<E> {
+        let lights = self.plan.points().len().max(1);
+        let most = (MOST_EFFECTS / (lights * TILE_WIDTH)).clamp(1, TILE_HEIGHT);
+        let TileWindow { column, row, columns, rows } = window.clone();
+        let part =
+            move |start: u32| TileWindow { column, row, columns, rows: start..rows.end.min(start + most as u32) };
+        window.rows.clone().step_by(most).map(part)
     }
 
     /// Calls `say` for all tiles of `rows` with their windows within these.

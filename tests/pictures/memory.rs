@@ -149,16 +149,22 @@ fn objects_under_many_lights_take_memory_for_a_part_of_a_tile_alone() {
         (0..count).map(light).collect()
     };
     let plain = Scene::new(camera);
-    let mixed = Scene { lights: lights(4096), spheres, triangles: triangles.clone(), ..plain.clone() };
-    let inside = Scene { lights: lights(4096), spheres: around.collect(), triangles, ..plain.clone() };
+    let mixed = Scene { lights: lights(8192), spheres, triangles: triangles.clone(), ..plain.clone() };
+    let inside = Scene { lights: lights(8192), spheres: around.collect(), triangles, ..plain.clone() };
     for (name, scene) in [("mixed", mixed), ("inside", inside)] {
         let mut expected = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize).unwrap();
         Engine::Rust.prepare(None, &scene).unwrap().rows(0..32, expected.as_mut());
         for precision in [Precision::Single, Precision::Double] {
             let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
             let peak = peak_of(|| picture(&scene, precision, &mut film)).1;
-            let most = EFFECTS * 2 * if precision == Precision::Double { 64 } else { 32 };
+            let most = EFFECTS * if precision == Precision::Double { 200 } else { 100 };
             assert!(peak < most, "{name}, {precision:?}: {peak} bytes, at most {most}");
+            let plan =
+                Plan::new(Engine::fastest(), &scene, Purpose { precision: Some(precision), ..Purpose::default() });
+            let plan = plan.unwrap();
+            let ((hits, report), peak) = peak_of(|| (plan.tracer().hits(0..32), plan.report()));
+            assert!(peak < 2 * most, "{name}, {precision:?}: {peak} bytes, at most twice {most}");
+            assert!(report.kept.lights == 8192 && hits.iter().flatten().count() > 100, "{name}, {precision:?}");
             let levels = |film: &Film, at: usize| film.colour(at).levels().map(i32::from);
             let apart = (0..2048).filter(|at| {
                 let pairs = levels(&film, *at).into_iter().zip(levels(&expected, *at));

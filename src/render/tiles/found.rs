@@ -53,9 +53,14 @@ impl<E: Element> TileTracer<'_, E> {
     ) {
         let mut scratch = Scratch::default();
         self.each_tile(rows, |tile, window| {
-            if own(tile) && self.find_nearest(tile, window, None, self.plan.linear(), &mut scratch) {
-                say(window, &mut scratch);
-            }
+            let mut look = |window| {
+                let any = self.find_nearest(tile, &window, None, self.plan.linear(), &mut scratch);
+                if any {
+                    say(&window, &mut scratch);
+                }
+                any
+            };
+            let _ = own(tile) && self.parts(window).all(&mut look);
         });
     }
 
@@ -69,7 +74,7 @@ impl<E: Element> TileTracer<'_, E> {
             candidates.resize(objects.order.len(), false);
             pixels_of(window)
                 .for_each(|(row, column)| candidates[buffers.pixel(self.kernels.lanes, column, row).1] = true);
-            survey.empty -= 1;
+            survey.empty -= u64::from(window.rows.start == 0);
             let placed = self.plan.count_in(window);
             survey.occluded += (placed - (objects.order.len() - 1 + objects.forgotten)) as u64;
             survey.placed += placed as u64;
