@@ -70,6 +70,8 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     if args.json && args.scenes.len() > 1 {
         return Err(Failure::input("--json prints one document, of one scene: name one, or leave it out"));
     }
+    // Before any of them is measured.
+    args.figure.iter().try_for_each(|figure| keep_apart(figure, &args.scenes))?;
     let mut worth = Vec::new();
     for (number, path) in args.scenes.iter().enumerate() {
         let document = plan(args, path)?;

@@ -83,8 +83,10 @@ pub enum EngineError {
         has = listed(|engine| engine.usable() && engine.has_shadows()))]
     NoShadows(Engine),
     /// The scene has more lights than the engine takes.
-    #[error("the engine `{engine}` takes at most {} lights, and the scene has {lights}: ask one of {has}", MOST_LIGHTS,
-        has = listed(|engine| engine.usable() && !engine.is_packet()))]
+    #[error(
+        "the engine `{engine}` takes at most {} lights, and the scene has {lights}: ask rust or reference",
+        MOST_LIGHTS
+    )]
     Lights {
         /// The engine.
         engine: Engine,
