@@ -172,10 +172,18 @@ fn lanes(engine: Engine, precision: Option<Precision>) -> usize {
     }
 }
 
+/// The kernels of an engine's instruction set.
+fn unit(engine: Engine, isa: Isa) -> Result<&'static Unit, WatchError> {
+    if !engine.usable() {
+        return Err(EngineError::Unusable(engine).into());
+    }
+    Unit::of(isa).ok_or(WatchError::Unavailable(Unavailable::Platform))
+}
+
 /// Watches how a pixel is made.
 pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let Ray { engine, precision, pixel, most, .. } = *ray;
-    let unit = Unit::of(isa(engine)?).ok_or(EngineError::Unusable(engine))?;
+    let unit = unit(engine, isa(engine)?)?;
     let (width, height) = (scene.camera.width(), scene.camera.height());
     if pixel.0 >= width || pixel.1 >= height {
         return Err(WatchError::Pixel { pixel, size: (width, height) });
@@ -252,7 +260,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
 /// Watches one operation on vectors of one's own.
 pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Watched, WatchError> {
     let isa = isa(engine)?;
-    let unit = Unit::of(isa).ok_or(EngineError::Unusable(engine))?;
+    let unit = unit(engine, isa)?;
     let operation = operation::Operation::new(op, engine, isa, a, b)?;
     let mut result = Vec::new();
     let watched = [unit.code.clone()];
