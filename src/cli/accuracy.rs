@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, stopped_unless, write_results};
+use super::measuring::{announce, bar, create_directory, keep_results_apart, stopped_unless, write_results};
 use super::party::Party;
 use super::{Failure, fit, print_result, terminal_width};
 use crate::experiments::accuracy::subjects::Subject;
@@ -88,6 +88,8 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
         subjects.iter().try_for_each(|subject| party.has_same(&subject.name, &subject.scene, "copy it"))?;
         subjects
     };
+    let results = ["accuracy.md", "table.csv", "accuracy.svg", "results.json"];
+    party.agree(keep_results_apart(&args.out, &results, &args.scenes))?;
     if subjects.is_empty() {
         return Err(Failure::input("none of these scenes has a picture: the numbers of family N1 are not numbers"));
     }

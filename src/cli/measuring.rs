@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use super::{Failure, convert, end_at_once, json, listen_once, say};
+use super::{Failure, convert, end_at_once, json, keep_apart, listen_once, say};
 #[cfg(feature = "cli")]
 use crate::experiments::lab::LabError;
 use crate::kernels::sys;
@@ -30,6 +30,11 @@ pub fn write_results<const N: usize>(
         write_file(directory, name, text.as_bytes())?;
     }
     Ok(())
+}
+
+/// Refuses a directory for results that would replace what is read.
+pub fn keep_results_apart(directory: &Path, names: &[&str], inputs: &[impl AsRef<Path>]) -> Result<(), Failure> {
+    names.iter().try_for_each(|name| keep_apart(&directory.join(name), inputs))
 }
 
 /// The cores that threads may run on.

@@ -42,8 +42,8 @@ mod view;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use clap::{Parser, Subcommand};
 use serde::Serialize;
@@ -228,8 +228,13 @@ fn end_at_once() {
 
 /// Listens for signals, unless somebody does so already.
 fn listen_once(heard: impl FnMut() + Send + 'static) -> Result<(), Failure> {
-    static LISTENING: OnceLock<()> = OnceLock::new();
-    if LISTENING.set(()).is_ok() { signals::listen(heard).map_err(Failure::output) } else { Ok(()) }
+    static IS_HEARD: Mutex<bool> = Mutex::new(false);
+    let mut is_heard = IS_HEARD.lock().unwrap_or_else(PoisonError::into_inner);
+    if !*is_heard {
+        signals::listen(heard).map_err(Failure::output)?;
+        *is_heard = true;
+    }
+    Ok(())
 }
 
 fn colour_on_stderr() -> bool {

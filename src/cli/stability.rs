@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, stopped_unless, write_results};
+use super::measuring::{announce, bar, create_directory, keep_results_apart, stopped_unless, write_results};
 use super::party::Party;
 use super::{Failure, print_result, say};
 use crate::experiments::stability::limits::{self, Limits};
@@ -80,6 +80,8 @@ pub fn sweep(
 
 /// Sweeps, prints and writes.
 pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
+    let results = ["stability.md", "limits.csv", "stability.svg", "results.json"];
+    party.agree(keep_results_apart(&args.out, &results, args.limits.as_slice()))?;
     let settings = party.agree(settings(args))?;
     party.run_alike(&settings.contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;

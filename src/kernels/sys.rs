@@ -133,8 +133,8 @@ pub fn is_open(_: usize) -> bool {
 
 /// A thread to be started, if there is memory for it: where that ends while a thread begins, the process does.
 pub fn new_thread() -> io::Result<std::thread::Builder> {
-    /// Its stack, and what Rust and the system need before its first instruction.
-    const ROOM: usize = 4 << 20;
+    /// Its stack, what Rust and the system need before its first instruction, and what other threads take meanwhile.
+    const ROOM: usize = 16 << 20;
     drop(memmap2::MmapMut::map_anon(ROOM)?);
     Ok(std::thread::Builder::new())
 }

@@ -157,7 +157,8 @@ impl Team {
 /// if others cannot be started. They are started the first time, and stay.
 pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
     static ALL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    match ALL.get_or_init(|| ThreadPoolBuilder::new().num_threads(cores()).build().ok()) {
+    let start = |thread: ThreadBuilder| new_thread()?.spawn(|| thread.run()).map(drop);
+    match ALL.get_or_init(|| ThreadPoolBuilder::new().num_threads(cores()).spawn_handler(start).build().ok()) {
         Some(all) => all.install(|| (0..count).into_par_iter().map(work).collect()),
         None => (0..count).map(work).collect(),
     }

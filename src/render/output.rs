@@ -255,13 +255,9 @@ pub(super) fn open(
     let mut is_temporary = false;
     let (file, end) = match direct(path).map_err(failed)? {
         Some(target) if seeking => {
-            let unmade = |error: io::Error| OutputError::Directory {
-                path: path.into(),
-                directory: std::env::temp_dir(),
-                error: error.kind(),
-            };
             is_temporary = true;
-            (tempfile::tempfile().map_err(unmade)?, End::CopyTo(target))
+            let file = tempfile::tempfile().map_err(|error| unmade(path, &std::env::temp_dir(), error))?;
+            (file, End::CopyTo(target))
         }
         Some(target) => (target, End::Nothing),
         None => beside(path, existing, announce)?,
@@ -297,8 +293,9 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     if is_error && !crate::kernels::sys::is_open(2) {
         return Err(io::Error::other("standard error is closed"));
     }
-    // As in /dev/fd/3 and /proc/self/fd/3.
-    let descriptor = is_error || path.parent().is_some_and(|folder| folder.ends_with("fd")) && path.starts_with("/");
+    // Links of the system's own, as /proc/self/fd/3, and not /proc/self/cwd/a.png.
+    let of_system = |folder: &Path| folder.canonicalize().is_ok_and(|folder| folder.starts_with("/proc"));
+    let descriptor = is_error || fs::read_link(path).is_ok() && path.parent().is_some_and(of_system);
     match fs::metadata(path) {
         // For a directory, opening it gives the clearest error.
         Ok(metadata) if descriptor || !metadata.is_file() => {
@@ -327,18 +324,20 @@ fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> R
         let (file, hidden) = Hidden::make(directory, named)?;
         Ok((file, Some(hidden)))
     });
-    let (file, hidden) = made.map_err(|error: io::Error| match error.kind() {
-        io::ErrorKind::NotFound if !directory.is_dir() => {
-            OutputError::NoDirectory { path: path.into(), directory: directory.into() }
-        }
-        #[cfg(unix)]
-        _ if error.raw_os_error() == Some(nix::errno::Errno::EMFILE as i32) => {
-            OutputError::Write { path: path.into(), error }
-        }
-        error => OutputError::Directory { path: path.into(), directory: directory.into(), error },
-    })?;
+    let (file, hidden) = made.map_err(|error| unmade(path, directory, error))?;
     old.iter().for_each(|old| take_after(&file, old));
     Ok((file, End::Rename { hidden, target, existing }))
+}
+
+/// The error of a file for `path` that was not made in a directory.
+fn unmade(path: &Path, directory: &Path, error: io::Error) -> OutputError {
+    let (path, directory) = (path.into(), PathBuf::from(directory));
+    match error.kind() {
+        io::ErrorKind::NotFound if !directory.is_dir() => OutputError::NoDirectory { path, directory },
+        #[cfg(unix)]
+        _ if error.raw_os_error() == Some(nix::errno::Errno::EMFILE as i32) => OutputError::Write { path, error },
+        error => OutputError::Directory { path, directory, error },
+    }
 }
 
 /// The directory of a file.

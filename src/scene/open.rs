@@ -69,7 +69,9 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
         } else {
             parse_with_warnings(&source, name)
         };
-        return parsed.map_err(|error| no_picture(error, path, &source));
+        let mut opened = parsed.map_err(|error| no_picture(error, path, &source))?;
+        opened.files.push("/dev/stdin".into());
+        return Ok(opened);
     }
     let name = path.to_string_lossy();
     let mut opened = match SceneFormat::from_path(path) {

@@ -557,8 +557,31 @@ fn what_is_read_is_not_replaced() {
         assert_eq!((run.status, run.stderr.as_str()), (2, told), "{scenes}");
         assert_eq!(fs::read_to_string(place.path("scene.ppm")).unwrap(), SCENE);
     }
+    #[cfg(target_os = "linux")]
+    for arguments in ["render - -o scene.ppm", "convert - scene.ppm.in", "plan - --measure --figure scene.ppm"] {
+        let ran = place.shell(&format!("cp scene.ppm scene.ppm.in; f=scene.ppm; case '{arguments}' in c*) f=scene.ppm.in;; esac; rayo {arguments} < $f"));
+        assert!(String::from_utf8_lossy(&ran.stderr).contains(" is what is read, and would be replaced"), "{ran:?}");
+    }
+    place.write("limits.csv", "");
+    place.refuses(
+        "stability --limits limits.csv --out .",
+        2,
+        "error: ./limits.csv is what is read, and would be replaced: name another file",
+    );
+    place.write("table.csv", SCENE);
+    place.refuses(
+        "accuracy table.csv --out .",
+        2,
+        "error: ./table.csv is what is read, and would be replaced: name another file",
+    );
     // The first two of three pictures are not written either.
     assert!(!place.files().contains(&"paint0.png".into()));
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("round1.png", place.path("round0.png")).unwrap();
+        let told = "error: round1.png is the file of a picture before it, by a link: remove that";
+        place.refuses("render scene.in --quiet --orbit 3 -o round%d.png", 2, told);
+    }
 }
 
 #[cfg(unix)]
@@ -580,13 +603,26 @@ fn a_picture_goes_where_its_name_leads() {
             place.shell("trap '' XFSZ; ulimit -f 1; rayo render scene.in --size 100x100 -o /proc/self/cwd/old.ppm");
         assert_eq!(run.status.code(), Some(1), "{run:?}");
         assert_eq!(fs::read_to_string(place.path("old.ppm")).unwrap(), "old");
+        // Nor does a folder that is called as the system's is make a file another one.
+        fs::create_dir(place.path("fd")).unwrap();
+        place.write("fd/old.ppm", "old");
+        let path = place.path("fd/old.ppm");
+        let run = place
+            .shell(&format!("trap '' XFSZ; ulimit -f 1; rayo render scene.in --size 100x100 -o {}", path.display()));
+        assert_eq!(run.status.code(), Some(1), "{run:?}");
+        assert_eq!(fs::read_to_string(path).unwrap(), "old");
+        // A program that runs is busy.
+        let busy =
+            place.shell(&format!("cp {} own; ./own render scene.in -o /proc/self/exe", env!("CARGO_BIN_EXE_rayo")));
+        assert!(busy.status.code() == Some(1) && busy.stderr.ends_with(b"(os error 26)\n"), "{busy:?}");
+        assert!(place.shell("exec 3>third.png; rayo render scene.in -o /proc/self/fd/3 --quiet").status.success());
+        assert!(fs::read(place.path("third.png")).unwrap().starts_with(b"\x89PNG"));
     }
     assert_eq!(place.shell("rayo render scene.in -o /dev/stderr --quiet 2>&-").status.code(), Some(1));
     assert!(place.shell("rayo render scene.in -o /dev/stderr --quiet").stderr.starts_with(b"\x89PNG"));
     // What is written out of order to a stream is in a temporary file first.
     let run = place.shell("TMPDIR=/nowhere rayo render scene.in -o exr:-");
-    let told = "error: cannot write /dev/stdout: no file can be created in the directory /nowhere (entity not found); \
-                name one that you may write to\n";
+    let told = "error: cannot write /dev/stdout: there is no directory /nowhere; create it first\n";
     assert_eq!(String::from_utf8_lossy(&run.stderr), told);
     let run = place.shell("trap '' XFSZ; ulimit -f 0; rayo render scene.in -o exr:- | cat");
     assert!(String::from_utf8_lossy(&run.stderr).contains(" of temporary files"), "{run:?}");

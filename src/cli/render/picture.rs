@@ -1,5 +1,6 @@
 //! A picture written to a file, and a series of them from all around a scene.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -85,9 +86,17 @@ impl Picture<'_> {
         let (mut moving, mut traced) = (MovingCamera::of(scene), Duration::ZERO);
         let names: Vec<_> = (0..count).filter_map(|number| numbered(path, number)).collect();
         names.iter().try_for_each(|path| keep_apart(path, inputs))?;
+        let mut written = BTreeSet::new();
         for (number, path) in names.iter().enumerate() {
+            if path.canonicalize().is_ok_and(|file| written.contains(&file)) {
+                let path = shown(path);
+                return Err(Failure::input(format!(
+                    "{path} is the file of a picture before it, by a link: remove that"
+                )));
+            }
             let view = scene.orbit(up, number as f64 / f64::from(count));
             traced += self.write(moving.seen_from(view).map_err(Failure::input)?, path)?.1.trace;
+            written.extend(path.canonicalize());
         }
         self.progress.end();
         if let (Some(first), Some(last), false) = (names.first(), names.last(), self.args.quiet) {
