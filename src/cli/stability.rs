@@ -80,9 +80,9 @@ pub fn sweep(
 
 /// Sweeps, prints and writes.
 pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
+    let settings = party.agree(settings(args))?;
     let results = ["stability.md", "limits.csv", "stability.svg", "results.json"];
     party.agree(keep_results_apart(&args.out, &results, args.limits.as_slice()))?;
-    let settings = party.agree(settings(args))?;
     party.run_alike(&settings.contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let stop = party.agree(party.stop_on_signals())?;
