@@ -45,11 +45,14 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     keep_apart(output, &[input])?;
     let to = format(output)?;
     let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
-    let unread = |error: MeshError| Failure::input(SceneError::Mesh(error).render(colour_on_stderr()));
+    let mesh = || {
+        let unread = |error: MeshError| Failure::input(SceneError::Mesh(error).render(colour_on_stderr()));
+        let mesh = Mesh::read(input).map_err(unread)?;
+        keep_apart(output, &mesh.libraries).map(|()| mesh)
+    };
     match (from, to) {
         (SceneFormat::Mesh(from), SceneFormat::Mesh(to)) => {
-            let mesh = Mesh::read(input).map_err(unread)?;
-            keep_apart(output, &mesh.libraries)?;
+            let mesh = mesh()?;
             if mesh.polygons > 0 && !quiet {
                 say(&format!("{}: faces of more than three corners were cut into triangles", shown(input)));
             }
@@ -64,8 +67,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         }
         (SceneFormat::Mesh(format), SceneFormat::Toml) => {
             let camera = Camera::default();
-            let mesh = Mesh::read(input).map_err(unread)?;
-            keep_apart(output, &mesh.libraries)?;
+            let mesh = mesh()?;
             let setting = Setting::of(&mesh, format, &camera);
             let setting = setting.ok_or_else(|| Failure::input("the mesh is too large to be seen whole"))?;
             let picture = picture_name(output);

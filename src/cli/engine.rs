@@ -31,11 +31,8 @@ impl EngineArgs {
         let EngineArgs { engine, precision } = self;
         let usable = |engine: Engine| engine.usable().then_some(engine).ok_or(EngineError::Unusable(engine));
         // A variable that is empty is none.
-        let engine = if engine.is_empty() && env::var_os(VARIABLE).is_some_and(|value| value.is_empty()) {
-            "auto"
-        } else {
-            engine
-        };
+        let is_none = engine.is_empty() && env::var_os(VARIABLE).is_some_and(|value| value.is_empty());
+        let engine = if is_none { "auto" } else { engine };
         let chosen = Engine::from_str(engine).and_then(usable).map_err(|error| {
             // A variable that was set long ago is not the first thing that one thinks of.
             let from_variable = env::var_os(VARIABLE).is_some_and(|value| value == *engine);

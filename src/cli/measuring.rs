@@ -57,11 +57,7 @@ pub fn no_clock() -> Failure {
 pub fn failure(error: LabError) -> Failure {
     match error {
         LabError::Engine(_) | LabError::Threads(_) => Failure::input(error),
-        LabError::Memory(_)
-        | LabError::Picture { .. }
-        | LabError::System { .. }
-        | LabError::Uncounted(_)
-        | LabError::Nothing => Failure::output(error),
+        _ => Failure::output(error),
     }
 }
 

@@ -53,14 +53,12 @@ impl<E: Element> TileTracer<'_, E> {
     ) {
         let mut scratch = Scratch::default();
         self.each_tile(rows, |tile, window| {
-            let mut look = |window| {
-                let any = self.find_nearest(tile, &window, None, self.plan.linear(), &mut scratch);
-                if any {
-                    say(&window, &mut scratch);
+            for part in self.parts(window).filter(|_| own(tile)) {
+                if !self.find_nearest(tile, &part, None, self.plan.linear(), &mut scratch) {
+                    break;
                 }
-                any
-            };
-            let _ = own(tile) && self.parts(window).all(&mut look);
+                say(&part, &mut scratch);
+            }
         });
     }
 
