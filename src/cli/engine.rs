@@ -1,6 +1,7 @@
 //! The options that choose an engine and its precision, shared by all commands that trace with one.
 
 use std::env;
+use std::ffi::OsString;
 use std::str::FromStr;
 
 use clap::Args;
@@ -19,7 +20,7 @@ const VARIABLE: &str = "RAYO_ENGINE";
 pub struct EngineArgs {
     /// The engine: reference, rust, c, paper, portable, sse41, avx2, avx512, or auto for the fastest that this CPU runs
     #[arg(long, value_name = "ENGINE", env = VARIABLE, default_value = "auto")]
-    pub(super) engine: String,
+    pub(super) engine: OsString,
     /// The precision: single, fast (with estimates that only affect the shade) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
@@ -32,8 +33,8 @@ impl EngineArgs {
         let usable = |engine: Engine| engine.usable().then_some(engine).ok_or(EngineError::Unusable(engine));
         // A variable that is empty is none.
         let is_none = engine.is_empty() && env::var_os(VARIABLE).is_some_and(|value| value.is_empty());
-        let engine = if is_none { "auto" } else { engine };
-        let chosen = Engine::from_str(engine).and_then(usable).map_err(|error| {
+        let engine = if is_none { "auto".as_ref() } else { engine.as_os_str() };
+        let chosen = Engine::from_str(&engine.to_string_lossy()).and_then(usable).map_err(|error| {
             // A variable that was set long ago is not the first thing that one thinks of.
             let from_variable = env::var_os(VARIABLE).is_some_and(|value| value == *engine);
             Failure::input(if from_variable { format!("{VARIABLE}: {error}") } else { error.to_string() })

@@ -11,14 +11,14 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 pub use self::args::RenderArgs;
-use self::name::{numbered, output};
+use self::name::{keep_scenes, numbered, output};
 use self::picture::{Picture, Progress};
 use self::stats::Report;
 use super::development::sampled;
 use super::engine::Tracing;
 use super::party::Party;
 use super::preview::Preview;
-use super::{Failure, keep_apart, print_result, remove_part_files_on_signals, say};
+use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::is_standard_output;
 use crate::scene::{Scene, shown};
@@ -140,7 +140,7 @@ fn render_one(
     }
     // With --broadcast only the first process knows the files.
     read.append(&mut files);
-    party.agree(keep_apart(&path, read))?;
+    party.agree(keep_scenes(&path, read))?;
     let development = args.development.of(&path, format)?;
     if args.preview {
         show(&mut scene)?;

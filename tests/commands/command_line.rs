@@ -255,6 +255,12 @@ fn the_environment_names_an_engine_and_an_option_overrides_it() {
         place.refuses(&format!("{command} scene.in"), 2, &format!("error: RAYO_ENGINE: {message}"));
     }
     assert_eq!(place.run("plan scene.in --engine rust").status, 0);
+    #[cfg(unix)]
+    {
+        let run = place.shell("RAYO_ENGINE=$(printf 'a\\377') rayo plan scene.in");
+        let told = format!("error: RAYO_ENGINE: {}\n", message.replace("nope", "a\u{fffd}"));
+        assert_eq!((run.status.code(), String::from_utf8_lossy(&run.stderr).as_ref()), (Some(2), told.as_str()));
+    }
     place.variables = vec![("RAYO_ENGINE", "")];
     assert_eq!(place.run("plan scene.in").status, 0);
     place.variables.clear();
@@ -585,6 +591,19 @@ fn what_is_read_is_not_replaced() {
         std::os::unix::fs::symlink("round1.png", place.path("round0.png")).unwrap();
         let told = "error: round1.png is the file of a picture before it, by a link: remove that";
         place.refuses("render scene.in --quiet --orbit 3 -o round%d.png", 2, told);
+        // Whether read or not: a later scene of the same call may be.
+        for file in ["later.in", "rock.PLY", "paints.mtl"] {
+            place.write(file, SCENE);
+            std::fs::remove_file(place.path("round1.png")).unwrap_or_default();
+            std::os::unix::fs::symlink(file, place.path("round1.png")).unwrap();
+            for command in ["render scene.in -o round1.png", "render scene.in --quiet --orbit 2 -o round%d.png"] {
+                let run = place.run(command);
+                let told = format!("/{file}, no picture, which would be replaced: name another file\n");
+                assert!(run.stderr.contains(".png is a link to /"), "{}", run.stderr);
+                assert!(run.status == 2 && run.stderr.ends_with(&told), "{}", run.stderr);
+            }
+            assert!(place.shell(&format!("rayo render scene.in --quiet -o - > {file}")).status.success());
+        }
     }
 }
 

@@ -4,9 +4,9 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
 use super::args::RenderArgs;
-use crate::cli::{Failure, say};
+use crate::cli::{Failure, keep_apart, say};
 use crate::render::{Format, is_standard_output};
-use crate::scene::{Scene, is_unseen, printable};
+use crate::scene::{Scene, SceneFormat, is_unseen, printable, shown};
 
 /// The name of the picture of this number, where a name has a place for it: `%d`, or `%04d` for one of four digits.
 pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
@@ -34,6 +34,20 @@ pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Forma
     }
     // As errors name it.
     Ok(("/dev/stdout".into(), format))
+}
+
+/// Refuses a picture that would replace a file that is `read`, or, by a link, one that a later scene may be read from.
+pub(super) fn keep_scenes(path: &Path, read: &[PathBuf]) -> Result<(), Failure> {
+    keep_apart(path, read)?;
+    let target = path.canonicalize().unwrap_or_default();
+    let is_mtl = target.extension().is_some_and(|end| end.eq_ignore_ascii_case("mtl"));
+    if !is_standard_output(path) && (is_mtl || SceneFormat::from_path(&target).is_some()) {
+        let (path, target) = (shown(path), shown(&target));
+        return Err(Failure::input(format!(
+            "{path} is a link to {target}, no picture, which would be replaced: name another file"
+        )));
+    }
+    Ok(())
 }
 
 /// A scene's image name without its directories: scenes come from anywhere, and choose neither these nor a hidden

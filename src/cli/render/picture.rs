@@ -10,11 +10,11 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 
 use super::args::RenderArgs;
-use super::name::numbered;
+use super::name::{keep_scenes, numbered};
 use crate::cli::engine::Tracing;
 use crate::cli::measuring::bar_style;
 use crate::cli::party::Party;
-use crate::cli::{Failure, keep_apart, say};
+use crate::cli::{Failure, say};
 use crate::render::{
     Developed, Development, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Settings, Stats, Tracer,
 };
@@ -85,7 +85,7 @@ impl Picture<'_> {
     ) -> Result<(), Failure> {
         let (mut moving, mut traced) = (MovingCamera::of(scene), Duration::ZERO);
         let names: Vec<_> = (0..count).filter_map(|number| numbered(path, number)).collect();
-        names.iter().try_for_each(|path| keep_apart(path, inputs))?;
+        names.iter().try_for_each(|path| keep_scenes(path, inputs))?;
         let mut written = BTreeSet::new();
         for (number, path) in names.iter().enumerate() {
             if path.canonicalize().is_ok_and(|file| written.contains(&file)) {
