@@ -16,7 +16,8 @@ use tempfile::TempDir;
 fn mpirun_after(line: &str, ranks: usize, directory: &Path) -> Command {
     let script = format!("{line} exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
     let mut command = Command::new("mpirun");
-    command.args(["--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
+    // Ranks that wait for each other for ever are ended.
+    command.args(["--timeout", "300", "--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
     command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
     command.env("NO_COLOR", "1").env_remove("RAYO_ENGINE").current_dir(directory);
     command
@@ -102,6 +103,9 @@ fn rows_scenes_and_a_scene_that_is_sent_are_what_they_are_without_ranks() {
     assert!(output.status.success(), "{output:?}");
     assert_eq!(told(&output).lines().count(), 2, "each picture is told once: {output:?}");
     assert_eq!(fs::read_dir(directory.path().join("out")).unwrap().count(), 2);
+    // Rank 0 alone knows what it has written.
+    let output = run(2, directory.path(), &format!("render {0} {0} -o out", sphere.display()));
+    assert_eq!((output.status.code(), told(&output).matches("as is that of a scene before it").count()), (Some(2), 1));
 }
 
 #[test]
@@ -152,6 +156,13 @@ fn a_rank_without_the_scene_or_with_another_is_named() {
     let output = with("render a.in -o a.png --broadcast").output().unwrap();
     assert!(output.status.success(), "{output:?}");
     assert!(path(0, "a.png").exists() && !path(1, "a.png").exists());
+    // Nor need the others have the directory of the pictures.
+    fs::create_dir(path(0, "out")).unwrap();
+    fs::copy(scene("sphere.in"), path(0, "b.in")).unwrap();
+    fs::write(path(0, "b.in"), fs::read_to_string(path(0, "b.in")).unwrap().replace("sphere.png", "b.png")).unwrap();
+    let output = with("render a.in b.in -o out --broadcast").output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    assert!(path(0, "out/sphere.png").exists() && path(0, "out/b.png").exists() && !path(1, "out").exists());
 }
 
 /// Ranks that [`watched`] has started, and their directory.

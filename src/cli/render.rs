@@ -51,16 +51,18 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
         render_one(args, party, scene, tracing, (&mut read, &mut written))?;
         return Ok(ExitCode::SUCCESS);
     }
-    if let Some(directory) = args.output.as_deref().filter(|path| !path.is_dir()) {
-        return Err(Failure::input(if to_standard_output {
+    // Who writes knows which directories there are.
+    let missing = args.output.as_deref().filter(|path| party.leads() && !path.is_dir());
+    party.agree(missing.map_or(Ok(()), |directory| {
+        Err(Failure::input(if to_standard_output {
             "several pictures cannot go to standard output: name a directory with -o".into()
         } else {
             format!(
                 "several scenes have several pictures, and there is no directory {}: create it first",
                 shown(directory)
             )
-        }));
-    }
+        }))
+    }))?;
     let mut status = ExitCode::SUCCESS;
     for scene in &args.scenes {
         if let Err(mut failure) = render_one(args, party, scene, tracing, (&mut read, &mut written)) {
@@ -129,18 +131,18 @@ fn render_one(
     if args.preview && args.output.is_none() {
         return show(&mut scene);
     }
-    let (path, format) = output(args, &scene)?;
+    let (path, format) = party.agree(output(args, &scene))?;
     // A link is the file that it points to.
     let file = |path: &Path| path.canonicalize().unwrap_or(path.into());
-    if written.contains(&file(&path)) {
-        let path = shown(path);
-        return Err(Failure::input(format!(
-            "its picture is {path}, as is that of a scene before it: render it in a call of its own"
-        )));
-    }
-    // With --broadcast only the first process knows the files.
+    // With MPI only the first process knows the files.
     read.append(&mut files);
-    party.agree(keep_scenes(&path, read))?;
+    party.agree(if written.contains(&file(&path)) {
+        let path = shown(&path);
+        let problem = "as is that of a scene before it: render it in a call of its own";
+        Err(Failure::input(format!("its picture is {path}, {problem}")))
+    } else {
+        keep_scenes(&path, read)
+    })?;
     let development = args.development.of(&path, format)?;
     if args.preview {
         show(&mut scene)?;
