@@ -598,7 +598,7 @@ fn what_is_read_is_not_replaced() {
             std::os::unix::fs::symlink(file, place.path("round1.png")).unwrap();
             for command in ["render scene.in -o round1.png", "render scene.in --quiet --orbit 2 -o round%d.png"] {
                 let run = place.run(command);
-                let told = format!("/{file}, no picture, which would be replaced: name another file\n");
+                let told = format!("/{file}, which is no picture and would be replaced: name another file\n");
                 assert!(run.stderr.contains(".png is a link to /"), "{}", run.stderr);
                 assert!(run.status == 2 && run.stderr.ends_with(&told), "{}", run.stderr);
             }

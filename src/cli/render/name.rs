@@ -44,7 +44,7 @@ pub(super) fn keep_scenes(path: &Path, read: &[PathBuf]) -> Result<(), Failure> 
     if !is_standard_output(path) && (is_mtl || SceneFormat::from_path(&target).is_some()) {
         let (path, target) = (shown(path), shown(&target));
         return Err(Failure::input(format!(
-            "{path} is a link to {target}, no picture, which would be replaced: name another file"
+            "{path} is a link to {target}, which is no picture and would be replaced: name another file"
         )));
     }
     Ok(())
