@@ -165,6 +165,22 @@ fn a_rank_without_the_scene_or_with_another_is_named() {
     assert!(path(0, "out/sphere.png").exists() && path(0, "out/b.png").exists() && !path(1, "out").exists());
 }
 
+#[test]
+fn ranks_that_can_start_no_thread_do_the_work_themselves() {
+    let directory = tempfile::tempdir().unwrap();
+    let island = scene("island.toml");
+    alone(directory.path(), &format!("render {} --size 300x200 -o alone.png", island.display()));
+    for who in ["true", "[ $OMPI_COMM_WORLD_RANK = 1 ]", "[ $OMPI_COMM_WORLD_RANK = 0 ]"] {
+        let no_thread = format!("if {who}; then export RUST_MIN_STACK=100000000000000; fi;");
+        let mut command = mpirun_after(&no_thread, 3, directory.path());
+        command.args(["render", island.to_str().unwrap(), "--size", "300x200", "-o", "a.png"]);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let file = |name| fs::read(directory.path().join(name)).unwrap();
+        assert!(file("a.png") == file("alone.png"), "{who}");
+    }
+}
+
 /// Ranks that [`watched`] has started, and their directory.
 #[cfg(target_os = "linux")]
 struct Started {

@@ -5,6 +5,7 @@
 //! counter, read by the ranks themselves, would need MPI's one-sided operations, which the crate `mpi` lacks.)
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -13,6 +14,8 @@ use mpi::environment::Universe;
 use mpi::point_to_point::{Message, Status};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
+
+use crate::kernels::sys::new_thread;
 
 /// How far ranks may be ahead of rank 0.
 #[derive(Clone, Copy, Debug)]
@@ -160,28 +163,33 @@ impl Ranks {
         bytes
     }
 
-    /// Has all ranks do the `tasks`: `work` makes the result of one, in a thread of its own, and rank 0 hands them to
-    /// `take` in order, with the error of a rank that failed. An error of `take` ends it.
+    /// Has all ranks do the `tasks`: `work` makes the result of one, in a thread of its own if there can be one, and rank
+    /// 0 hands them to `take` in order, with the error of a rank that failed. An error of `take` ends it.
     ///
     /// # Errors
     /// The error of `take`, on rank 0.
     pub fn share<E>(
         &self,
         (tasks, pace): (u64, Pace),
-        mut work: impl FnMut(u64) -> Result<Vec<u8>, String> + Send,
+        work: impl FnMut(u64) -> Result<Vec<u8>, String> + Send,
         mut take: impl FnMut(u64, Result<Vec<u8>, String>) -> Result<(), E>,
     ) -> Result<(), E> {
+        let work = Mutex::new(work);
+        let done = &|task| (task, work.lock().expect("whoever panicked here has ended all")(task));
         std::thread::scope(|scope| {
             let (begin, begun) = channel();
             let (end, ended) = channel();
-            scope.spawn(move || {
+            let own_end = end.clone();
+            let worker = move || {
                 for task in begun {
                     // The channel is closed if something else has failed.
-                    if end.send((task, work(task))).is_err() {
+                    if end.send(done(task)).is_err() {
                         return;
                     }
                 }
-            });
+            };
+            let started = new_thread().and_then(|thread| thread.spawn_scoped(scope, worker));
+            let without_thread = started.is_err().then_some(own_end);
             let mut own = Own { pace, held: VecDeque::new(), working: 0 };
             let own_results = |wait| match ended.recv_timeout(wait) {
                 Ok(result) => Some(result),
@@ -189,7 +197,10 @@ impl Ranks {
                 // It has panicked, and reported that.
                 Err(RecvTimeoutError::Disconnected) => self.world.abort(1),
             };
-            let begin = |task| _ = begin.send(task);
+            let begin = |task| match &without_thread {
+                Some(end) => _ = end.send(done(task)),
+                None => _ = begin.send(task),
+            };
             let result = if self.rank() == 0 {
                 self.hand_out(tasks, &mut own, begin, own_results, &mut take)
             } else {
