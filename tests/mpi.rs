@@ -153,9 +153,18 @@ fn a_rank_without_the_scene_or_with_another_is_named() {
         }
         fs::remove_file(path(2, "a.in")).unwrap();
     }
+    // With another name it would be another format.
+    let renamed = fs::read_to_string(scene("sphere.in")).unwrap().replace("sphere.png", "sphere.exr");
+    fs::write(path(2, "a.in"), renamed).unwrap();
+    let output = with("render a.in").output().unwrap();
+    assert!(told(&output).contains("rank 2 on ") && told(&output).contains("is another scene here"), "{output:?}");
+    fs::remove_file(path(2, "a.in")).unwrap();
+    // What stands in the way of rank 0's file, stands in nobody else's.
+    std::os::unix::fs::symlink("a.in", path(1, "a.png")).unwrap();
     let output = with("render a.in -o a.png --broadcast").output().unwrap();
     assert!(output.status.success(), "{output:?}");
-    assert!(path(0, "a.png").exists() && !path(1, "a.png").exists());
+    assert!(path(0, "a.png").exists() && !path(2, "a.png").exists());
+    assert_eq!(fs::read(path(1, "a.png")).unwrap(), fs::read(scene("sphere.in")).unwrap());
     // Nor need the others have the directory of the pictures.
     fs::create_dir(path(0, "out")).unwrap();
     fs::copy(scene("sphere.in"), path(0, "b.in")).unwrap();
@@ -163,6 +172,31 @@ fn a_rank_without_the_scene_or_with_another_is_named() {
     let output = with("render a.in b.in -o out --broadcast").output().unwrap();
     assert!(output.status.success(), "{output:?}");
     assert!(path(0, "out/sphere.png").exists() && path(0, "out/b.png").exists() && !path(1, "out").exists());
+}
+
+#[test]
+fn ranks_are_started_alike() {
+    let directory = tempfile::tempdir().unwrap();
+    let refused = ": this was started with other arguments, or another RAYO_ENGINE, than rank 0: start all alike";
+    for engine in ["rust", ""] {
+        for rank in 0..2 {
+            let line = format!("if [ $OMPI_COMM_WORLD_RANK = {rank} ]; then export RAYO_ENGINE={engine}; fi;");
+            let mut command = mpirun_after(&line, 2, directory.path());
+            command.args(["render", scene("sphere.in").to_str().unwrap(), "-o", "a.png", "--quiet"]);
+            let output = command.output().unwrap();
+            // An empty one is none.
+            let status = i32::from(!engine.is_empty());
+            assert_eq!((output.status.code(), told(&output).contains(refused)), (Some(status), status == 1));
+            assert_eq!(names(&directory), ["a.png"][..1 - status as usize]);
+            if status == 0 {
+                fs::remove_file(directory.path().join("a.png")).unwrap();
+            }
+        }
+    }
+    let line = "if [ $OMPI_COMM_WORLD_RANK = 1 ]; then set -- \"$@\" --bogus; fi;";
+    let mut command = mpirun_after(line, 2, directory.path());
+    let output = command.args(["render", scene("sphere.in").to_str().unwrap()]).output().unwrap();
+    assert!(output.status.code() == Some(1) && told(&output).contains(refused), "{output:?}");
 }
 
 #[test]

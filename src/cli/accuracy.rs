@@ -89,7 +89,8 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
         subjects
     };
     let results = ["accuracy.md", "table.csv", "accuracy.svg", "results.json"];
-    party.agree(keep_results_apart(&args.out, &results, &args.scenes))?;
+    let apart = || keep_results_apart(&args.out, &results, &args.scenes);
+    party.agree(party.leads().then(apart).transpose())?;
     if subjects.is_empty() {
         return Err(Failure::input("none of these scenes has a picture: the numbers of family N1 are not numbers"));
     }

@@ -1,6 +1,6 @@
 //! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
 
-use super::{Failure, keep_apart, print_result, remove_part_files_on_signals};
+use super::{Failure, keep_apart, keep_scene_files, print_result, remove_part_files_on_signals};
 use crate::measure::compare::{self, CompareError, Comparison, Unit};
 use crate::measure::picture::{Picture, Pixels};
 use crate::render::{Format, ImageError, ImageFile, ImageWriter, is_standard_output};
@@ -40,6 +40,7 @@ pub struct DiffArgs {
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     if let Some(output) = &args.output {
         keep_apart(output, &[&args.a, &args.b])?;
+        keep_scene_files(output)?;
         remove_part_files_on_signals()?;
     }
     let (comparison, text) = diff(args)?;

@@ -13,27 +13,31 @@ use crate::render::{Engine, EngineError, PixelFormat, Plan, Precision, Purpose, 
 use crate::scene::Scene;
 
 /// What `--engine` is where it is not given.
-const VARIABLE: &str = "RAYO_ENGINE";
+pub(super) const VARIABLE: &str = "RAYO_ENGINE";
 
 /// Who traces, in what numbers.
 #[derive(Debug, Args)]
 pub struct EngineArgs {
     /// The engine: reference, rust, c, paper, portable, sse41, avx2, avx512, or auto for the fastest that this CPU runs
     #[arg(long, value_name = "ENGINE", env = VARIABLE, default_value = "auto")]
-    pub(super) engine: OsString,
+    engine: OsString,
     /// The precision: single, fast (with estimates that only affect the shade) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
 }
 
 impl EngineArgs {
+    /// Whether it is to be the fastest. A variable that is empty is none.
+    pub(super) fn is_auto(&self) -> bool {
+        let is_none = self.engine.is_empty() && env::var_os(VARIABLE).is_some_and(|value| value.is_empty());
+        is_none || self.engine == "auto"
+    }
+
     /// The engine, which this CPU runs, and the precision that it is asked for.
     pub(super) fn chosen(&self) -> Result<(Engine, Option<Precision>), Failure> {
         let EngineArgs { engine, precision } = self;
         let usable = |engine: Engine| engine.usable().then_some(engine).ok_or(EngineError::Unusable(engine));
-        // A variable that is empty is none.
-        let is_none = engine.is_empty() && env::var_os(VARIABLE).is_some_and(|value| value.is_empty());
-        let engine = if is_none { "auto".as_ref() } else { engine.as_os_str() };
+        let engine = if self.is_auto() { "auto".as_ref() } else { engine.as_os_str() };
         let chosen = Engine::from_str(&engine.to_string_lossy()).and_then(usable).map_err(|error| {
             // A variable that was set long ago is not the first thing that one thinks of.
             let from_variable = env::var_os(VARIABLE).is_some_and(|value| value == *engine);

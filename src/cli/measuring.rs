@@ -20,13 +20,13 @@ pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Fa
     convert::write(&directory.join(name), |out| out.write_all(content))
 }
 
-/// Writes what was measured: its document, and the texts that are made of it.
+/// Writes what was measured: its document first, of which the texts can be made again.
 pub fn write_results<const N: usize>(
     directory: &Path,
     (name, document): (&str, &impl Serialize),
     texts: [(&str, String); N],
 ) -> Result<(), Failure> {
-    for (name, text) in texts.into_iter().chain([(name, json(document)?)]) {
+    for (name, text) in [(name, json(document)?)].into_iter().chain(texts) {
         write_file(directory, name, text.as_bytes())?;
     }
     Ok(())
@@ -111,12 +111,14 @@ pub fn bar_style(rest: &str) -> ProgressStyle {
     ProgressStyle::with_template(&format!("{{wide_bar}} {rest}")).expect("the template is well formed")
 }
 
-/// Creates the directory for the files.
+/// Creates the directory for the files, which are to be written at the end of a long run: one can be now.
 pub fn create_directory(path: &Path) -> Result<(), Failure> {
-    fs::create_dir_all(path).map_err(|error| {
+    let failed = |what: &str, error| {
         let path = shown(path);
-        Failure::output(format!("cannot create the directory {path}: {error}; name another one with --out"))
-    })
+        Failure::output(format!("cannot create {what} {path}: {error}; name another one with --out"))
+    };
+    fs::create_dir_all(path).map_err(|error| failed("the directory", error))?;
+    tempfile::tempfile_in(path).map(drop).map_err(|error| failed("a file in the directory", error))
 }
 
 #[cfg(test)]

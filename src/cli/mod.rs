@@ -40,7 +40,7 @@ mod table;
 mod view;
 
 use std::io::{self, IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -52,8 +52,8 @@ use terminal_size::{Height, Width, terminal_size_of};
 use self::party::Party;
 use crate::kernels::sys::{has_small_stack, is_open, new_thread};
 use crate::kernels::{Isa, memory};
-use crate::render::{RenderError, remove_unfinished};
-use crate::scene::{brief, is_unseen, shown};
+use crate::render::{RenderError, is_standard_output, remove_unfinished};
+use crate::scene::{SceneFormat, brief, is_unseen, shown};
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
@@ -135,16 +135,38 @@ fn require_assembly(what: &str) -> Result<(), Failure> {
 
 /// Refuses a file to write that is one of those to read, which it would replace.
 fn keep_apart(output: &Path, inputs: &[impl AsRef<Path>]) -> Result<(), Failure> {
-    let canonical = output.canonicalize().ok().filter(|path| path.is_file());
-    if canonical.is_some() && inputs.iter().any(|input| input.as_ref().canonicalize().ok() == canonical) {
-        let path = shown(output);
-        return Err(Failure::input(format!("{path} is what is read, and would be replaced: name another file")));
+    let target = output.canonicalize().ok().filter(|path| path.is_file());
+    let is_one = target.is_some_and(|target| without_links(inputs).any(|input| input == target));
+    if is_one { Err(is_read(output)) } else { Ok(()) }
+}
+
+/// Refuses a picture whose name is a link to a file that a scene may be read from.
+fn keep_scene_files(picture: &Path) -> Result<(), Failure> {
+    let target = picture.canonicalize().unwrap_or_default();
+    let is_mtl = target.extension().is_some_and(|end| end.eq_ignore_ascii_case("mtl"));
+    if is_standard_output(picture) || !is_mtl && SceneFormat::from_path(&target).is_none() {
+        return Ok(());
     }
-    Ok(())
+    let (path, target) = (shown(picture), shown(&target));
+    Err(Failure::input(format!(
+        "{path} is a link to {target}, which is no picture and would be replaced: name another file"
+    )))
+}
+
+/// The files that these names lead to, as far as there are any.
+fn without_links(names: &[impl AsRef<Path>]) -> impl Iterator<Item = PathBuf> {
+    names.iter().filter_map(|name| name.as_ref().canonicalize().ok())
+}
+
+fn is_read(output: &Path) -> Failure {
+    Failure::input(format!("{} is what is read, and would be replaced: name another file", shown(output)))
 }
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
+    // While there is one thread.
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    memory::use_large_pages();
     // Reading the arguments takes some 70 kB.
     if !has_small_stack() {
         return run();
@@ -159,8 +181,6 @@ pub fn main() -> ExitCode {
 }
 
 fn run() -> ExitCode {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    memory::use_large_pages();
     memory::before_the_end(remove_unfinished);
     signals::survive_file_size_limit();
     let party = Party::join();

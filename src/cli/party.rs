@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 #[cfg(feature = "mpi")]
 use std::{
+    env,
     ffi::OsString,
     hash::{DefaultHasher, Hash, Hasher},
     os::unix::ffi::{OsStrExt, OsStringExt},
@@ -18,7 +19,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use super::measuring::{pin, stop_on_signals};
 use super::{Failure, remove_part_files_on_signals};
 #[cfg(feature = "mpi")]
-use super::{say, silence};
+use super::{engine::VARIABLE, say, silence};
 #[cfg(feature = "mpi")]
 use crate::measure::cpu_name;
 use crate::plan::on_all_cores;
@@ -171,7 +172,7 @@ impl Party {
         party
     }
 
-    /// Fails where not all are the same program.
+    /// Fails where not all are the same program, with the same arguments.
     pub fn is_one_build(&self) -> Result<(), Failure> {
         let kernels = option_env!("RAYO_KERNELS").unwrap_or("none");
         let build = concat!(env!("CARGO_PKG_VERSION"), ", ", env!("RAYO_RUSTC"), ", kernels ");
@@ -179,6 +180,10 @@ impl Party {
         self.same(build.as_bytes(), |first| {
             let first = String::from_utf8_lossy(first);
             format!("this is another build of rayo ({build}) than that of rank 0 ({first}): install one on all")
+        })?;
+        let engine = env::var_os(VARIABLE).filter(|engine| !engine.is_empty());
+        self.same(format!("{engine:?} {:?}", env::args_os().skip(1)).as_bytes(), |_| {
+            format!("this was started with other arguments, or another {VARIABLE}, than rank 0: start all alike")
         })
     }
 
@@ -334,7 +339,7 @@ impl Party {
             if path.is_empty() {
                 return Ok((self.agree(Ok(None))?, unfinished));
             }
-            unfinished = Some(Unfinished::of_another(OsString::from_vec(path).into()));
+            unfinished = Some(Unfinished::at(OsString::from_vec(path).into()));
             ranks.gather(Vec::new());
         }
     }
@@ -372,8 +377,8 @@ fn fastest_of_all(fastest: &str, words: &[Vec<u8>]) -> (String, Vec<String>) {
 #[cfg(feature = "mpi")]
 fn digest(scene: &Scene) -> [u8; 8] {
     let mut hasher = DefaultHasher::new();
-    let Scene { camera, lights, spheres, .. } = scene;
-    (camera.width(), camera.height(), lights.len(), spheres.len(), scene.triangle_count()).hash(&mut hasher);
+    let Scene { name, camera, lights, spheres, .. } = scene;
+    (name, camera.width(), camera.height(), lights.len(), spheres.len(), scene.triangle_count()).hash(&mut hasher);
     scene.shadows.hash(&mut hasher);
     let mut hash = |numbers: &[f32]| numbers.iter().for_each(|number| number.to_bits().hash(&mut hasher));
     hash(&[camera.focal(), camera.film()]);

@@ -14,7 +14,7 @@ use super::{Failure, convert, keep_apart, print_result};
 use crate::experiments::ablation::{self, Ablation, Timed, plot};
 use crate::measure::{MachineClock, tsc_hz};
 use crate::plan::{Report, Switch};
-use crate::render::{Format, Plan, Purpose};
+use crate::render::{Format, Plan, Purpose, is_standard_output};
 use crate::scene::shown;
 
 /// The time that a measurement should take, in seconds, and in ticks where nobody knows how long they are.
@@ -69,6 +69,9 @@ struct PlanDocument {
 pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     if args.json && args.scenes.len() > 1 {
         return Err(Failure::input("--json prints one document, of one scene: name one, or leave it out"));
+    }
+    if args.figure.as_deref().is_some_and(is_standard_output) {
+        return Err(Failure::input("the plan is printed to standard output, where --figure would draw: name a file"));
     }
     // Before any of them is measured.
     args.figure.iter().try_for_each(|figure| keep_apart(figure, &args.scenes))?;

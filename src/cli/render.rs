@@ -18,9 +18,9 @@ use super::development::sampled;
 use super::engine::Tracing;
 use super::party::Party;
 use super::preview::Preview;
-use super::{Failure, print_result, remove_part_files_on_signals, say};
+use super::{Failure, print_result, remove_part_files_on_signals, say, without_links};
 use crate::plan::{Keep, Omission};
-use crate::render::is_standard_output;
+use crate::render::{is_standard_error, is_standard_output};
 use crate::scene::{Scene, shown};
 
 /// Renders the scenes.
@@ -28,7 +28,7 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     // Before any work: what no scene can make right.
     let (engine, precision) = party.agree(args.engine.chosen())?;
     let tracing = Tracing {
-        engine: if args.engine.engine == "auto" { party.fastest() } else { engine },
+        engine: if args.engine.is_auto() { party.fastest() } else { engine },
         precision,
         keep: if args.keep_all { Keep::all() } else { Keep::NOTHING },
         threads: args.threads,
@@ -40,13 +40,19 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
              a file with -o",
         ));
     }
+    if args.output.as_deref().is_some_and(is_standard_error) && (args.explain || !args.quiet) {
+        return Err(Failure::input(
+            "the picture goes to standard error, where messages would print into it: add --quiet without --explain, or \
+             name a file with -o",
+        ));
+    }
     if args.preview {
         can_be_shown(args, party, to_standard_output)?;
     }
     if args.orbit.is_some() {
         can_go_round(args, party)?;
     }
-    let (mut read, mut written) = (args.scenes.clone(), BTreeSet::new());
+    let (mut read, mut written) = (without_links(&args.scenes).collect(), BTreeSet::new());
     if let [scene] = &args.scenes[..] {
         render_one(args, party, scene, tracing, (&mut read, &mut written))?;
         return Ok(ExitCode::SUCCESS);
@@ -97,6 +103,8 @@ fn can_go_round(args: &RenderArgs, party: &Party) -> Result<(), Failure> {
     let name = args.output.as_deref().unwrap_or(Path::new(""));
     let problem = if !party.is_alone() {
         "--orbit is for one process: start it without MPI, or leave it out".into()
+    } else if name.to_str().is_none() {
+        format!("--orbit finds no number in a name that is not UTF-8: {}", shown(name))
     } else if args.scenes.len() > 1 {
         "--orbit goes round one scene: render the others in calls of their own".into()
     } else if numbered(name, 0).is_none() {
@@ -116,10 +124,10 @@ fn render_one(
     party: &Party,
     scene_path: &Path,
     tracing: Tracing,
-    (read, written): (&mut Vec<PathBuf>, &mut BTreeSet<PathBuf>),
+    (read, written): (&mut BTreeSet<PathBuf>, &mut BTreeSet<PathBuf>),
 ) -> Result<(), Failure> {
     let clock = Instant::now();
-    let (mut scene, up, mut files) = args.open(scene_path, party)?;
+    let (mut scene, up, files) = args.open(scene_path, party)?;
     let (camera, parse) = (scene.camera, clock.elapsed());
     let rows = args.rows_of(&camera)?;
     scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
@@ -131,12 +139,13 @@ fn render_one(
     if args.preview && args.output.is_none() {
         return show(&mut scene);
     }
-    let (path, format) = party.agree(output(args, &scene))?;
+    let (path, format) = party.agree(output(args, &scene, party))?;
     // A link is the file that it points to.
     let file = |path: &Path| path.canonicalize().unwrap_or(path.into());
-    // With MPI only the first process knows the files.
-    read.append(&mut files);
-    party.agree(if written.contains(&file(&path)) {
+    read.extend(without_links(&files));
+    party.agree(if !party.leads() {
+        Ok(())
+    } else if written.contains(&file(&path)) {
         let path = shown(&path);
         let problem = "as is that of a scene before it: render it in a call of its own";
         Err(Failure::input(format!("its picture is {path}, {problem}")))

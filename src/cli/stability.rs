@@ -82,7 +82,8 @@ pub fn sweep(
 pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     let settings = party.agree(settings(args))?;
     let results = ["stability.md", "limits.csv", "stability.svg", "results.json"];
-    party.agree(keep_results_apart(&args.out, &results, args.limits.as_slice()))?;
+    let apart = || keep_results_apart(&args.out, &results, args.limits.as_slice());
+    party.agree(party.leads().then(apart).transpose())?;
     party.run_alike(&settings.contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let stop = party.agree(party.stop_on_signals())?;

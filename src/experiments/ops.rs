@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{in_size, speedup};
 use crate::kernels::step::{self, Unavailable};
-use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
+use crate::kernels::{self, Chains, Isa, sys};
 use crate::measure::Name;
 use crate::measure::instructions::{Code, Function, Instruction, Mix, functions};
 use crate::measure::source::{Origin, Unit};
@@ -292,7 +292,7 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Str
         // Unpinned figures are noisier, not wrong.
         cores = sys::Cores::of_this_thread().ok();
         let _ = sys::pin_to_this_core();
-        feedback_cycles = chain_cycles(FEEDBACK, LEAST_CYCLES);
+        feedback_cycles = kernels::feedback().and_then(|chain| chain_cycles(chain, LEAST_CYCLES));
     }
     let is_among = |name: &str, wanted: &[String]| wanted.iter().any(|wanted| wanted == name);
     let wanted = |name: &&str| options.implementations.is_empty() || is_among(name, &options.implementations);

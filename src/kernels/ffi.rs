@@ -308,7 +308,9 @@ static PAPER_CHAINS: [Chains; OPERATIONS.len()] = chains!("rayo_paper_", "");
 static AOS_CHAINS: [Chains; OPERATIONS.len()] = chains!("rayo_aos_", "");
 
 /// The feedback of the latency chains of one vector, alone. It needs no more than x86-64.
-pub static FEEDBACK: Chain = kernel!("rayo_feedback_latency");
+pub fn feedback() -> Option<Chain> {
+    cfg!(rayo_asm).then_some(kernel!("rayo_feedback_latency"))
+}
 
 /// An element type that has operations on packets.
 pub trait PacketElement: Element {

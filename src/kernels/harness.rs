@@ -68,7 +68,10 @@ pub struct Known {
 }
 
 impl Known {
+    /// # Panics
+    /// Where no assembly is built.
     pub fn call(&self) {
+        assert!(super::Isa::Sse41.built());
         // SAFETY: it takes nothing and keeps to the convention; it needs no more than x86-64 has.
         unsafe { self.kernel.enter([0; 6]) };
     }

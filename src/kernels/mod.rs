@@ -39,9 +39,9 @@ pub use checked::Fault;
 pub use code::code_at;
 pub use faces::{ColourRun, Faces};
 pub use ffi::{
-    AosKernels, ElementKernels, FEEDBACK, LitBodies, OPERATIONS, PacketElement, PacketKernels, TileKernels, aos, c,
-    chains_of_aos, chains_of_packets, chains_of_paper, hits_of_c, hits_of_paper, packet_op_symbols, packet_ops,
-    packet_symbols, packets, paper,
+    AosKernels, ElementKernels, LitBodies, OPERATIONS, PacketElement, PacketKernels, TileKernels, aos, c,
+    chains_of_aos, chains_of_packets, chains_of_paper, feedback, hits_of_c, hits_of_paper, packet_op_symbols,
+    packet_ops, packet_symbols, packets, paper,
 };
 pub use isa::Isa;
 pub use kernel::Kernel;

@@ -37,7 +37,7 @@ pub use lit::LitTracer;
 #[cfg(feature = "mpi")]
 pub use output::Unfinished;
 #[cfg(feature = "files")]
-pub use output::{Existing, OutputError, OutputFile, is_standard_output, remove_unfinished};
+pub use output::{Existing, OutputError, OutputFile, is_standard_error, is_standard_output, remove_unfinished};
 pub use plan::Plan;
 #[cfg(feature = "files")]
 pub use to_file::{Stats, render};

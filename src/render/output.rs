@@ -1,5 +1,7 @@
 //! A file that appears whole or not at all: hidden beside the target, or that itself if nothing can be renamed over it.
 
+use std::cell::Cell;
+use std::collections::LinkedList;
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -113,23 +115,31 @@ impl Write for OutputFile {
     }
 }
 
-/// The hidden files that exist now.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// The hidden files that exist now or are about to. Who has the lock asks for no memory, since its lack, too, ends in
+/// [`remove_unfinished`]: lists are joined and split without any.
+static UNFINISHED: Mutex<LinkedList<PathBuf>> = Mutex::new(LinkedList::new());
+/// Held while a hidden file or its entry comes or goes, and for ever from [`remove_unfinished`] on.
+static CHANGING: Mutex<()> = Mutex::new(());
 
-fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
-    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+thread_local! {
+    /// Whether this thread holds `CHANGING`, and may ask for memory meanwhile.
+    static CREATES: Cell<bool> = const { Cell::new(false) };
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Removes the hidden files of everything that is being written. For a process that is about to end: threads that
 /// create or finish files after this block until that end.
 pub fn remove_unfinished() {
-    let mut paths = unfinished();
-    for path in paths.drain(..) {
+    if !CREATES.get() {
+        std::mem::forget(locked(&CHANGING));
+    }
+    while let Some(path) = { locked(&UNFINISHED).pop_front() } {
         // If it is already gone, all the better.
         let _ = fs::remove_file(path);
     }
-    // Held for ever, so that no file is created between this and the end.
-    std::mem::forget(paths);
 }
 
 /// Keeps a hidden file known to [`remove_unfinished`].
@@ -138,23 +148,33 @@ pub struct Unfinished(PathBuf);
 impl Unfinished {
     /// The file that `make` creates.
     fn create<T>(path: &Path, make: impl FnOnce(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
-        let mut paths = unfinished();
-        let made = make(path)?;
-        paths.push(path.into());
-        Ok((made, Unfinished(path.into())))
+        let unfinished = Unfinished::at(path.into());
+        let changing = locked(&CHANGING);
+        CREATES.set(true);
+        let made = make(path);
+        CREATES.set(false);
+        drop(changing);
+        Ok((made?, unfinished))
     }
 
-    /// A file of another process, which this one may outlive.
-    #[cfg(feature = "mpi")]
-    pub fn of_another(path: PathBuf) -> Self {
-        unfinished().push(path.clone());
+    /// A file that this process or another is about to create.
+    pub fn at(path: PathBuf) -> Self {
+        let mut one = LinkedList::from([path.clone()]);
+        let _changing = locked(&CHANGING);
+        locked(&UNFINISHED).append(&mut one);
         Unfinished(path)
     }
 }
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        unfinished().retain(|path| *path != self.0);
+        let _changing = locked(&CHANGING);
+        let mut paths = locked(&UNFINISHED);
+        if let Some(at) = paths.iter().position(|path| *path == self.0) {
+            let mut rest = paths.split_off(at);
+            rest.pop_front();
+            paths.append(&mut rest);
+        }
     }
 }
 
@@ -272,6 +292,11 @@ pub fn is_standard_output(path: &Path) -> bool {
     cfg!(unix) && (names.iter().any(|name| path == Path::new(name)) || format_of_standard_output(path).is_some())
 }
 
+/// Whether a name is that of the program's own standard error.
+pub fn is_standard_error(path: &Path) -> bool {
+    ["/dev/stderr", "/dev/fd/2", "/proc/self/fd/2"].iter().any(|name| path == Path::new(name))
+}
+
 /// The extension before `:-`, which gives standard output a format.
 pub(super) fn format_of_standard_output(path: &Path) -> Option<&OsStr> {
     path.to_str()?.strip_suffix(":-").filter(|format| !format.contains('/')).map(OsStr::new)
@@ -288,7 +313,7 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
         }
         return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));
     }
-    let is_error = ["/dev/stderr", "/dev/fd/2", "/proc/self/fd/2"].iter().any(|name| path == Path::new(name));
+    let is_error = is_standard_error(path);
     #[cfg(unix)]
     if is_error && !crate::kernels::sys::is_open(2) {
         return Err(io::Error::other("standard error is closed"));
@@ -336,6 +361,7 @@ fn unmade(path: &Path, directory: &Path, error: io::Error) -> OutputError {
         io::ErrorKind::NotFound if !directory.is_dir() => OutputError::NoDirectory { path, directory },
         #[cfg(unix)]
         _ if error.raw_os_error() == Some(nix::errno::Errno::EMFILE as i32) => OutputError::Write { path, error },
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => OutputError::Write { path, error },
         error => OutputError::Directory { path, directory, error },
     }
 }
@@ -491,5 +517,34 @@ fn copy(error: &io::Error) -> io::Error {
     match error.raw_os_error() {
         Some(code) => io::Error::from_raw_os_error(code),
         None => io::Error::new(error.kind(), error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_while_a_hidden_file_is_made_removes_that_too() {
+        let directory = tempfile::tempdir().unwrap();
+        let [mut one, mut other] = [None, None];
+        // As if memory ended after the file was there.
+        let make = |path: &Path| {
+            one = Some(path.to_path_buf());
+            File::create_new(path)?;
+            remove_unfinished();
+            Ok(())
+        };
+        let made = Hidden::make(directory.path(), make);
+        assert!(made.is_ok() && !one.unwrap().exists());
+        drop(made);
+        let create = |path: &Path| {
+            other = Some(path.to_path_buf());
+            File::create_new(path)
+        };
+        let made = Hidden::make(directory.path(), create).unwrap();
+        assert!(locked(&UNFINISHED).contains(other.as_ref().unwrap()));
+        drop(made);
+        assert!(!locked(&UNFINISHED).contains(other.as_ref().unwrap()) && !other.unwrap().exists());
     }
 }

@@ -152,7 +152,7 @@ pub(super) fn nearest(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_string_lossy();
     let near = fs::read_dir(folder).ok()?.take(MOST).filter_map(|entry| {
         let other = path.with_file_name(entry.ok()?.file_name());
-        SceneFormat::from_path(&other)?;
+        SceneFormat::from_path(&other).filter(|_| other != path)?;
         let apart = strsim::damerau_levenshtein(&name, &other.file_name()?.to_string_lossy());
         let apart = if other.file_stem() == path.file_stem() { apart.min(1) } else { apart };
         (apart <= 2).then(|| (apart, shown(&other)))

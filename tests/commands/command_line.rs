@@ -355,6 +355,15 @@ fn what_is_no_scene_file_is_named() {
     place.refuses("render none.in", 2, "error: there is no scene file `none.in`");
     place.refuses("render scnee.in", 2, "error: there is no scene file `scnee.in`: did you mean `scene.in`?");
     place.refuses("render ./scene.toml", 2, "error: there is no scene file `./scene.toml`: did you mean `./scene.in`?");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("nowhere", place.path("dangling.in")).unwrap();
+        place.refuses("render dangling.in", 2, "error: there is no scene file `dangling.in`");
+        std::fs::remove_file(place.path("dangling.in")).unwrap();
+        let run = place.shell("rayo render scene.in --orbit 2 -o \"$(printf 'p\\377%%d.png')\"");
+        let told = "error: --orbit finds no number in a name that is not UTF-8: p\u{fffd}%d.png\n";
+        assert_eq!(String::from_utf8_lossy(&run.stderr), told);
+    }
     assert!(place.run("render scene.ply").stderr.contains("a mesh file, such as `scene.in`"));
     place.refuses("render .", 2, "error: `.` is a directory, and a scene is a file");
     for (name, content) in
@@ -603,6 +612,8 @@ fn what_is_read_is_not_replaced() {
                 assert!(run.status == 2 && run.stderr.ends_with(&told), "{}", run.stderr);
             }
             assert!(place.shell(&format!("rayo render scene.in --quiet -o - > {file}")).status.success());
+            let run = place.run("diff paint.png paint.png -o round1.png");
+            assert!(run.status == 2 && run.stderr.contains(" which is no picture and would be replaced: "), "{run:?}");
         }
     }
 }
@@ -643,6 +654,20 @@ fn a_picture_goes_where_its_name_leads() {
     }
     assert_eq!(place.shell("rayo render scene.in -o /dev/stderr --quiet 2>&-").status.code(), Some(1));
     assert!(place.shell("rayo render scene.in -o /dev/stderr --quiet").stderr.starts_with(b"\x89PNG"));
+    for talking in ["", " --quiet --explain"] {
+        let told = "error: the picture goes to standard error, where messages would print into it: add --quiet without \
+                    --explain, or name a file with -o";
+        place.refuses(&format!("render scene.in -o /dev/stderr{talking}"), 2, told);
+    }
+    let told = "error: the plan is printed to standard output, where --figure would draw: name a file";
+    place.refuses("plan scene.in --measure --figure -", 2, told);
+    // Whoever measures for long knows before that results can be written.
+    #[cfg(target_os = "linux")]
+    for command in ["stability --family S7 --engine rust --quick", "accuracy --quick", "experiment --quick"] {
+        let run = place.run(&format!("{command} --out /proc"));
+        assert!(run.stderr.starts_with("error: cannot create a file in the directory /proc: "), "{}", run.stderr);
+        assert!(run.status == 1 && run.stderr.ends_with("; name another one with --out\n"), "{}", run.stderr);
+    }
     // What is written out of order to a stream is in a temporary file first.
     let run = place.shell("TMPDIR=/nowhere rayo render scene.in -o exr:-");
     let told = "error: cannot write /dev/stdout: there is no directory /nowhere; create it first\n";

@@ -5,7 +5,7 @@ use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::kernels::Vec4;
 use rayo::plan::{Keep, Omission, Report};
-use rayo::render::{Counted, Distance, Film, Found, PixelFormat, Plan, Purpose, Tracer};
+use rayo::render::{Counted, Distance, Engine, Film, Found, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 use std::ops::Range;
@@ -613,6 +613,37 @@ fn a_large_triangle_behind_a_tiny_scene_is_seen() {
         assert!(is_large, "{contender}: {found:?}");
     }
     check_by_force(&scene, "a tiny scene before a large triangle");
+}
+
+/// Two corners are far away on opposite sides: of the volume that a far one spans half the digits are lost, and with it what
+/// is behind came through.
+#[test]
+fn a_triangle_through_all_tiles_is_as_near_as_its_nearest_corner_tells() {
+    let far = [
+        [-361_616.3, -449_900.38, 343_805.1],
+        [361_617.03, 449_901.56, -343_805.66],
+        [0.706_873_83, -3.5535762, -3.2507455],
+    ];
+    let dot = [
+        [-0.016285308, 0.06059567, 0.037765108],
+        [-0.01585581, 0.06059567, 0.037765108],
+        [-0.016070558, 0.06102517, 0.037765108],
+    ];
+    let triangle = |corners: [[f32; 3]; 3]| Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };
+    let triangles = [far, dot].map(triangle).to_vec();
+    let light = Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(7.0, 0.35, -23.0) };
+    for (width, height) in [(450, 1700), (9, 34)] {
+        let camera = Camera::new(width, height, 0.3, 1.0).unwrap();
+        let scene = Scene { camera, triangles: triangles.clone(), lights: vec![light], ..Scene::new(camera) };
+        let reference = Plan::new(Engine::Reference, &scene, Purpose::default()).unwrap().into_tracer().hits(0..32);
+        for contender in packets() {
+            for (found, of_reference) in tiles(&contender, &scene).hits(0..32).iter().zip(&reference) {
+                let object = |found: &Option<Found>| found.as_ref().map(|found| found.object);
+                assert_eq!(object(found), object(of_reference), "{contender}");
+            }
+        }
+        check_by_force(&scene, "a triangle through all tiles");
+    }
 }
 
 /// Of two tiles side by side without an object different rows are wanted.

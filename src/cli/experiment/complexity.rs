@@ -38,11 +38,8 @@ pub fn measure(
 pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Failure> {
     let engines = party.agree(args.settings())?.engines;
     let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), &engines);
-    if settings.engines.is_empty() {
-        return Err(Failure::input(
-            "--complexity is for packet engines, and none is among these: name sse41, avx2 or avx512",
-        ));
-    }
+    let none = "--complexity is for packet engines, and none is among these: name sse41, avx2 or avx512";
+    party.agree(if settings.engines.is_empty() { Err(Failure::input(none)) } else { Ok(()) })?;
     party.run_alike(&settings.engines.iter().map(|engine| engine.name()).collect::<Vec<_>>())?;
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let Prepared { mut clock, stop, machine, .. } = party.agree(prepare(party))?;

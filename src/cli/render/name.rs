@@ -1,12 +1,14 @@
 //! Where a picture goes: by `-o`, or by the name in its scene, which may come from anybody.
 
+use std::collections::BTreeSet;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
 use super::args::RenderArgs;
-use crate::cli::{Failure, keep_apart, say};
+use crate::cli::party::Party;
+use crate::cli::{Failure, is_read, keep_scene_files, say};
 use crate::render::{Format, is_standard_output};
-use crate::scene::{Scene, SceneFormat, is_unseen, printable, shown};
+use crate::scene::{Scene, is_unseen, printable};
 
 /// The name of the picture of this number, where a name has a place for it: `%d`, or `%04d` for one of four digits.
 pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
@@ -17,7 +19,7 @@ pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
 }
 
 /// The picture that `-o` names, or else the one that the scene names, in this directory.
-pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure> {
+pub(super) fn output(args: &RenderArgs, scene: &Scene, party: &Party) -> Result<(PathBuf, Format), Failure> {
     let path = match &args.output {
         Some(directory) if args.scenes.len() > 1 => directory.join(bare_name(&scene.name)?),
         Some(path) => path.clone(),
@@ -27,7 +29,7 @@ pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Forma
     if !is_standard_output(&path) {
         return Ok((path, format));
     }
-    if format != Format::PpmText && io::stdout().is_terminal() {
+    if format != Format::PpmText && party.leads() && io::stdout().is_terminal() {
         return Err(Failure::input(
             "the picture goes to standard output, and that is a terminal: name a file with -o, or send it on to a program",
         ));
@@ -37,17 +39,12 @@ pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Forma
 }
 
 /// Refuses a picture that would replace a file that is `read`, or, by a link, one that a later scene may be read from.
-pub(super) fn keep_scenes(path: &Path, read: &[PathBuf]) -> Result<(), Failure> {
-    keep_apart(path, read)?;
+pub(super) fn keep_scenes(path: &Path, read: &BTreeSet<PathBuf>) -> Result<(), Failure> {
     let target = path.canonicalize().unwrap_or_default();
-    let is_mtl = target.extension().is_some_and(|end| end.eq_ignore_ascii_case("mtl"));
-    if !is_standard_output(path) && (is_mtl || SceneFormat::from_path(&target).is_some()) {
-        let (path, target) = (shown(path), shown(&target));
-        return Err(Failure::input(format!(
-            "{path} is a link to {target}, which is no picture and would be replaced: name another file"
-        )));
+    if read.contains(&target) && target.is_file() {
+        return Err(is_read(path));
     }
-    Ok(())
+    keep_scene_files(path)
 }
 
 /// A scene's image name without its directories: scenes come from anywhere, and choose neither these nor a hidden

@@ -81,7 +81,7 @@ impl Picture<'_> {
         scene: &Scene,
         (up, count): (DVec3, u32),
         path: &Path,
-        inputs: &[PathBuf],
+        inputs: &BTreeSet<PathBuf>,
     ) -> Result<(), Failure> {
         let (mut moving, mut traced) = (MovingCamera::of(scene), Duration::ZERO);
         let names: Vec<_> = (0..count).filter_map(|number| numbered(path, number)).collect();

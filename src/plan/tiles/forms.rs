@@ -226,11 +226,9 @@ impl Forms {
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane as set-up computes it: at the first pixel, and its
-/// increments for a column and a row. None if f32 does not hold them.
+/// increments for a column and a row. None if f32 does not hold them, or no ray hits the triangle.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
-    let [v, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
-    let normal = (v - v2).cross(v - v3);
-    let n = normal * (scale / v.dot(normal));
+    let n = scale * geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
     let first = n.dot(grid.ray(0, 0).into());
     let (across, down) = (n.x * grid.step, -n.y * grid.step);
     let terms = n.abs().dot(DVec3::from(grid.ray(0, 0)).abs())
