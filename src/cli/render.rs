@@ -40,10 +40,9 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
              a file with -o",
         ));
     }
-    if args.output.as_deref().is_some_and(is_standard_error) && (args.explain || !args.quiet) {
+    if args.output.as_deref().is_some_and(is_standard_error) {
         return Err(Failure::input(
-            "the picture goes to standard error, where messages would print into it: add --quiet without --explain, or \
-             name a file with -o",
+            "the picture goes to standard error, where messages would print into it: name a file with -o",
         ));
     }
     if args.preview {

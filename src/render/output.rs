@@ -123,7 +123,7 @@ static CHANGING: Mutex<()> = Mutex::new(());
 
 thread_local! {
     /// Whether this thread holds `CHANGING`, and may ask for memory meanwhile.
-    static CREATES: Cell<bool> = const { Cell::new(false) };
+    static HOLDS: Cell<bool> = const { Cell::new(false) };
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -133,7 +133,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Removes the hidden files of everything that is being written. For a process that is about to end: threads that
 /// create or finish files after this block until that end.
 pub fn remove_unfinished() {
-    if !CREATES.get() {
+    // Set again for the files' removal, which may lack memory, too.
+    if !HOLDS.replace(true) {
         std::mem::forget(locked(&CHANGING));
     }
     while let Some(path) = { locked(&UNFINISHED).pop_front() } {
@@ -150,9 +151,9 @@ impl Unfinished {
     fn create<T>(path: &Path, make: impl FnOnce(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
         let unfinished = Unfinished::at(path.into());
         let changing = locked(&CHANGING);
-        CREATES.set(true);
+        HOLDS.set(true);
         let made = make(path);
-        CREATES.set(false);
+        HOLDS.set(false);
         drop(changing);
         Ok((made?, unfinished))
     }
