@@ -77,7 +77,7 @@ fn is_inside(d: DVec3, [v1, v2, v3]: [DVec3; 3], volume: f64) -> bool {
 }
 
 /// A corner is near if it is nearer than this share of the farthest one's distance.
-pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
+pub const NEAR_CORNER: f64 = 1.0 / (1 << 8) as f64;
 
 /// Rotated so that the nearest corner comes first: its product with the normal is the triangle's volume like any
 /// other's, but the terms of a farther one would cancel.

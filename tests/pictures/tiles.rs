@@ -646,6 +646,49 @@ fn a_triangle_through_all_tiles_is_as_near_as_its_nearest_corner_tells() {
     }
 }
 
+/// Planes that all but pass through the camera, with one corner or two far away: by the volume that a far one spans, nothing is
+/// there, or what is not, and no bound of 1/t holds for another's.
+#[test]
+fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
+    for (focal, corners) in [
+        (
+            1.0,
+            [
+                [1368626.0, -821830.6, -3380129.0],
+                [-6.182_417_4, 22.248446, 6.089421],
+                [-0.776_434_3, -2.3341064, 3.304365],
+            ],
+        ),
+        (
+            0.29,
+            [
+                [4.2512122e11, 7.433678e10, 3.6929316e11],
+                [-5726758.5, -1834032.3, 2032799.6],
+                [929905.56, 995252.44, -6199708.5],
+            ],
+        ),
+        (
+            3945.9805,
+            [
+                [-96324.92, 36557.766, -38176.45],
+                [-0.7135417, 0.2704528, -0.05388173],
+                [0.5132682, -0.19469383, 0.5333368],
+            ],
+        ),
+    ] {
+        let camera = Camera::new(64, 32, focal, 1.0).unwrap();
+        let triangle = Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };
+        let scene = Scene { triangles: vec![triangle], ..Scene { camera, ..many(0, 0, 1) } };
+        let reference = Plan::new(Engine::Reference, &scene, Purpose::default()).unwrap().into_tracer().hits(0..32);
+        for contender in packets() {
+            let hits = tiles(&contender, &scene).hits(0..32);
+            let is_seen = |found: &[Option<Found>]| found.iter().map(Option::is_some).collect::<Vec<_>>();
+            assert_eq!(is_seen(&hits), is_seen(&reference), "{contender}, {focal}");
+        }
+        check_by_force(&scene, &format!("focal distance {focal}"));
+    }
+}
+
 /// Of two tiles side by side without an object different rows are wanted.
 #[test]
 fn a_background_fills_the_wanted_rows_of_each_tile() {
