@@ -184,7 +184,7 @@ fn run() -> ExitCode {
     memory::before_the_end(remove_unfinished);
     signals::survive_file_size_limit();
     let party = Party::join();
-    if let Err(failure) = party.is_one_build() {
+    if let Err(failure) = party.is_started_alike() {
         return failure.tell();
     }
     let arguments = match Cli::try_parse() {

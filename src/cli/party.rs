@@ -103,7 +103,7 @@ impl Party {
         Party {}
     }
 
-    pub fn is_one_build(&self) -> Result<(), Failure> {
+    pub fn is_started_alike(&self) -> Result<(), Failure> {
         Ok(())
     }
 
@@ -173,7 +173,7 @@ impl Party {
     }
 
     /// Fails where not all are the same program, with the same arguments.
-    pub fn is_one_build(&self) -> Result<(), Failure> {
+    pub fn is_started_alike(&self) -> Result<(), Failure> {
         let kernels = option_env!("RAYO_KERNELS").unwrap_or("none");
         let build = concat!(env!("CARGO_PKG_VERSION"), ", ", env!("RAYO_RUSTC"), ", kernels ");
         let build = format!("{build}{kernels}");

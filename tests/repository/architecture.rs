@@ -172,7 +172,7 @@ fn no_module_of_the_kernels_needs_one_that_needs_it() {
 /// What is added takes the place of something, or argues for more here: shadows were asked for.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 58_646;
+    const LINES: usize = 58_647;
     const KERNELS: usize = 39;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));

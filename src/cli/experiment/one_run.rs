@@ -26,7 +26,7 @@ pub(super) enum Message {
 
 /// What the process does: prints each [`Message`] as soon as it is measured.
 pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, Failure> {
-    // However the process that started this one ends.
+    // It ends with the process that started it, however that ends.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL));
     let settings = args.settings()?;

@@ -225,7 +225,7 @@ impl Forms {
     }
 }
 
-/// The upper bound of a triangle's 1/t at a pixel, from its plane as set-up computes it: at the first pixel, and its
+/// The upper bound of a triangle's 1/t at a pixel, from its plane by its nearest corner: at the first pixel, and its
 /// increments for a column and a row. None if f32 does not hold them, or no ray hits the triangle.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let n = scale * geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
