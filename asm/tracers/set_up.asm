@@ -152,6 +152,52 @@
     WIDEN   %%z, [r8 + TriangleArrays. %+ %%corner %+ z]
 %endmacro
 
+; NEARER_CORNER - r = a bit for each lane whose first corner is not the nearest one, although that is less than half as
+;           far away as the farthest: 4 min(b.b, c.c) < max(a.a, b.b, c.c) and min(b.b, c.c) < a.a, without rounding but
+;           in sums.
+;
+;   instructions   sse41 35   avx2 17   avx512 16
+;   critical path  mul -> fma -> fma -> max -> max -> mul -> compare -> mask
+;   equals         kernels::portable::set_up::nearer_corner
+%macro NEARER_CORNER 14
+%define %%r %1          ; [out]      32-bit register
+%define %%ax %2         ; [in]       vreg
+%define %%ay %3         ; [in]       vreg
+%define %%az %4         ; [in]       vreg
+%define %%bx %5         ; [in]       vreg
+%define %%by %6         ; [in]       vreg
+%define %%bz %7         ; [in]       vreg
+%define %%cx %8         ; [in]       vreg
+%define %%cy %9         ; [in]       vreg
+%define %%cz %10        ; [in]       vreg
+%define %%aa %11        ; [clobbered] vreg
+%define %%bb %12        ; [clobbered] vreg
+%define %%cc %13        ; [clobbered] vreg
+%define %%t %14         ; [clobbered] vreg
+    DOT3    %%aa, %%ax, %%ay, %%az, %%ax, %%ay, %%az, %%t
+    DOT3    %%bb, %%bx, %%by, %%bz, %%bx, %%by, %%bz, %%t
+    DOT3    %%cc, %%cx, %%cy, %%cz, %%cx, %%cy, %%cz, %%t
+    VMAX    %%t, %%bb, %%cc
+    VMAX    %%t, %%t, %%aa
+    VMIN    %%bb, %%bb, %%cc
+    VMUL    %%t, %%t, [PACKET(quarters)]
+    MASK_GREATER %%t, %%bb
+    MASK_AND_GREATER %%aa, %%bb, %%cc
+    MASK_BITS %%r
+%endmacro
+
+; TURN - moves a coordinate of a triangle's second corner to the first, of the third to the second, of the first to the
+;        third. Clobbers r12, r13 and r14.
+%macro TURN 1
+%define %%axis %1       ; [in]       x, y or z, of lane r11 of the arrays at r8
+    mov     r12d, [r8 + 4 * r11 + TriangleArrays.a %+ %%axis]
+    mov     r13d, [r8 + 4 * r11 + TriangleArrays.b %+ %%axis]
+    mov     r14d, [r8 + 4 * r11 + TriangleArrays.c %+ %%axis]
+    mov     [r8 + 4 * r11 + TriangleArrays.a %+ %%axis], r13d
+    mov     [r8 + 4 * r11 + TriangleArrays.b %+ %%axis], r14d
+    mov     [r8 + 4 * r11 + TriangleArrays.c %+ %%axis], r12d
+%endmacro
+
 ; STORE_EDGE - stores the edge in v11, v12, v13 in the fields e<n>x, e<n>y, e<n>0.
 %macro STORE_EDGE 2
 %define %%out %1        ; [in]       4 or 8
@@ -236,9 +282,13 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ASK_FOR ahead, 1, FACE_BYTES, FETCH_VERTICES
     ASK_FOR later, 2, FACE_BYTES, FETCH_FACE
 .asked:
+    ; Of a far corner the terms of v . n would cancel: a near one comes first.
     LOAD_CORNER v0, v1, v2, a
     LOAD_CORNER v3, v4, v5, b
     LOAD_CORNER v6, v7, v8, c
+    NEARER_CORNER eax, v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12
+    test    eax, eax
+    jnz     .turn
     SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
     SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
     TRIANGLE_VOLUME v3, v4, v5, v6, v0, v1, v2, v9, v10, v11, v12, v13, v14, v7
@@ -319,7 +369,17 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ja      .packet
     UNCONSTANTS
     POP_OWNED
-ENDFUNC
+    ret
+.turn:
+    bsf     r11d, eax
+    TURN    x
+    TURN    y
+    TURN    z
+    lea     r12d, [rax - 1]
+    and     eax, r12d
+    jnz     .turn
+    jmp     .asked
+    END
 %endmacro
 
 ; SET_UPS - the functions of this file.

@@ -96,14 +96,6 @@ impl Faces {
         &self.corners
     }
 
-    /// Rotates the corners of each face so that corner `first` of them, 0, 1 or 2, comes first.
-    pub fn turn(&mut self, first: impl Fn([Vec3; 3]) -> usize) {
-        for face in &mut self.corners {
-            let comes_first = first(face.map(|corner| self.vertices[corner as usize]));
-            face.rotate_left(comes_first);
-        }
-    }
-
     /// Moves the third corner of a face onto its first, so that it has no area.
     pub fn collapse(&mut self, face: usize) {
         let [first, _, third] = &mut self.corners[face];

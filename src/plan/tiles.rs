@@ -254,13 +254,12 @@ impl<'a> Binned<'a> {
         let of_spheres = spheres.plan(&scene.spheres, threads);
         let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), threads);
         let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), threads);
-        let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
+        let far_apart = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_be_far_apart(&extremes));
         // For few triangles it is cheaper to look at each.
         let few = scene.triangle_count() <= FEW_TRIANGLES;
-        let [near_triangles, near_faces] = [&of_triangles, &of_faces].map(|of| few || near_corners(of));
-        let triangles =
-            if near_triangles { near_corner_first(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
-        let faces = if near_faces { faces_near_corner_first(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
+        let [rounded, rounded_faces] = [&of_triangles, &of_faces].map(|of| few || far_apart(of));
+        let triangles = if rounded { without_edge_on(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
+        let faces = if rounded_faces { faces_without_edge_on(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
         let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
         let (mut of_spheres, mut of_triangles) = (of_spheres.bins, [of_triangles.bins, of_faces.bins]);
@@ -647,52 +646,26 @@ fn extent(scene: &Scene) -> f64 {
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
-/// Triangles rotated so that a near corner comes first (see [`geometry::near_corner_first`]); those that are never hit,
-/// which rounded sides may hide from the kernels, get no area.
-fn near_corner_first(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
-    if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(triangle)) {
-        let rotated = |triangle: &Triangle| {
-            let mut rotated = *triangle;
-            rotated.vertices.rotate_left(near_corner(triangle.vertices));
-            if is_edge_on(triangle) {
-                rotated.vertices[2] = rotated.vertices[0];
-            }
-            rotated
-        };
-        triangles.iter().map(rotated).collect()
-    } else {
-        Cow::Borrowed(triangles)
+/// Triangles of which those that are never hit, which rounded sides may hide from the kernels, have no area.
+fn without_edge_on(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
+    let mut without = Cow::Borrowed(triangles);
+    for (i, _) in triangles.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle)) {
+        let [first, _, third] = &mut without.to_mut()[i].vertices;
+        *third = *first;
     }
+    without
 }
 
 /// The same for those that share their corners.
-fn faces_near_corner_first(faces: &Faces) -> Cow<'_, Faces> {
-    let mut rotated = Cow::Borrowed(faces);
-    if faces.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(&triangle)) {
-        rotated.to_mut().turn(near_corner);
-        let edge_on = faces.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle));
-        edge_on.for_each(|(face, _)| rotated.to_mut().collapse(face));
-    }
-    rotated
+fn faces_without_edge_on(faces: &Faces) -> Cow<'_, Faces> {
+    let mut without = Cow::Borrowed(faces);
+    let edge_on = faces.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle));
+    edge_on.for_each(|(face, _)| without.to_mut().collapse(face));
+    without
 }
 
 fn is_edge_on(triangle: &Triangle) -> bool {
-    !is_plainly_seen(triangle.vertices) && geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
-}
-
-/// Whether a triangle is surely not edge-on. Nearly all span so large a volume with the camera that f32 tells: its error is a few
-/// times 1e-7 of the terms on the right, each of which has room for f32's smallest numbers.
-fn is_plainly_seen([v1, v2, v3]: [Vec3; 3]) -> bool {
-    let (a, b) = (v1 - v2, v1 - v3);
-    let [v, w, a_size, b_size] = [v1, v2.abs().max(v3.abs()), a, b].map(|v| v.abs().max_element());
-    let size = a_size * b_size + v.max(w) * (a_size + b_size);
-    let volume = v1.dot(a.cross(b)).abs();
-    volume > 1e-5 * v * size && volume > 1e-30
-}
-
-/// The corner that is to come first.
-fn near_corner(vertices: [Vec3; 3]) -> usize {
-    geometry::near_corner(vertices.map(|v| v.as_dvec3()))
+    geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
 }
 
 /// A point, moved along its direction to a distance of at most `far`.
@@ -710,36 +683,4 @@ fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
         bounds.rows[candidate.id as usize] = candidate.rows;
     }
     bounds
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::Rng;
-
-    #[test]
-    fn what_is_plainly_seen_is_not_edge_on() {
-        let mut rng = Rng::new(11);
-        let mut number = |from: f32, to: f32| from + (to - from) * rng.next_f32();
-        let (mut plain, mut edge_on) = (0, 0);
-        for i in 0..200_000 {
-            let [far, near] = [number(-38.0, 38.0), number(-8.0, 0.0)].map(|exponent| 10f32.powf(exponent));
-            let mut vector = || Vec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 1.0));
-            let (v1, v2) = (far * vector(), far * vector());
-            // In a plane with the camera but for rounding, near to one, far from it, and a small triangle far away.
-            let v3 = match i % 4 {
-                0 => 0.3 * v1 + 0.6 * v2,
-                1 => 0.3 * v1 + 0.6 * v2 + near * far * vector(),
-                2 => far * vector(),
-                _ => v1 + near * far * vector(),
-            };
-            let vertices = [v1, v2, v3];
-            if is_plainly_seen(vertices) {
-                assert!(geometry::triangle_volume(vertices.map(|v| v.as_dvec3())).is_some(), "{vertices:?}");
-                plain += usize::from(i % 4 == 2);
-            }
-            edge_on += usize::from(is_edge_on(&Triangle { colour: Vec3::ONE, vertices }));
-        }
-        assert!(plain > 10_000 && edge_on > 1_000, "{plain} plain, {edge_on} edge-on");
-    }
 }

@@ -76,36 +76,16 @@ fn is_inside(d: DVec3, [v1, v2, v3]: [DVec3; 3], volume: f64) -> bool {
     [(v1, v2), (v2, v3), (v3, v1)].iter().all(|(v, w)| d.dot(v.cross(*w)) * volume.signum() >= 0.0)
 }
 
-/// A corner is near if it is nearer than this share of the farthest one's distance. Of a smaller share v . n would cancel;
-/// of a larger one most scenes' triangles would be copied to be turned.
-pub const NEAR_CORNER: f64 = 1.0 / (1 << 8) as f64;
-
 /// Rotated so that the nearest corner comes first: its product with the normal is the triangle's volume like any
 /// other's, but the terms of a farther one would cancel.
-pub fn near_corner_first(corners: [DVec3; 3]) -> [DVec3; 3] {
-    let [v1, v2, v3] = corners;
-    match nearest_corner(corners, 1.0) {
-        0 => corners,
-        1 => [v2, v3, v1],
-        _ => [v3, v1, v2],
-    }
-}
-
-/// The index of a [near](NEAR_CORNER) corner, or else 0.
-pub fn near_corner(corners: [DVec3; 3]) -> usize {
-    nearest_corner(corners, NEAR_CORNER)
-}
-
-/// The index of the nearest corner, if it is within a share of the farthest one's distance, or else 0.
-fn nearest_corner(corners: [DVec3; 3], share: f64) -> usize {
-    let [one, two, three] = corners.map(|v| v.abs().max_element());
-    let near = share * one.max(two).max(three);
-    if two < near && two < one && two <= three {
-        1
-    } else if three < near && three < one && three < two {
-        2
+pub fn near_corner_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
+    let [one, two, three] = [v1, v2, v3].map(|v| v.abs().max_element());
+    if two < one && two <= three {
+        [v2, v3, v1]
+    } else if three < one && three < two {
+        [v3, v1, v2]
     } else {
-        0
+        [v1, v2, v3]
     }
 }
 

@@ -675,6 +675,14 @@ fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
                 [0.5132682, -0.19469383, 0.5333368],
             ],
         ),
+        (
+            1.0061661,
+            [
+                [0.041384988, -0.1322181, 0.1076906],
+                [0.0018064887, -0.005771429, 0.004700781],
+                [-0.007221616, 0.023071852, -0.018791841],
+            ],
+        ),
     ] {
         let camera = Camera::new(64, 32, focal, 1.0).unwrap();
         let triangle = Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };

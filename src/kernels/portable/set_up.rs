@@ -62,6 +62,15 @@ fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
+/// A mask of the lanes whose first corner is not the nearest one, although that is less than half as far away as the
+/// farthest: NEARER_CORNER.
+#[inline(always)]
+fn nearer_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
+    let [a, b, c] = [dot(a, a), dot(b, b), dot(c, c)];
+    let nearer = b.min(c);
+    (b.max(c).max(a) * L::of(0.25)).greater(nearer).and(a.greater(nearer))
+}
+
 pub fn bounds<L: Lanes<Number = f32>>(
     view: &BoundsView<f32>,
     triangles: TriangleList<'_>,
@@ -173,6 +182,16 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     }
     let all = W::all;
     for at in (0..past).step_by(W::COUNT) {
+        // Of a far corner the terms of v . n would cancel: a near one comes first.
+        let mut turned = nearer_corner(corners::<W>(of, at));
+        while turned.any() {
+            for i in (0..W::COUNT).filter(|i| turned.lane(*i).is_set()).map(|i| at + i) {
+                (of.ax[i], of.bx[i], of.cx[i]) = (of.bx[i], of.cx[i], of.ax[i]);
+                (of.ay[i], of.by[i], of.cy[i]) = (of.by[i], of.cy[i], of.ay[i]);
+                (of.az[i], of.bz[i], of.cz[i]) = (of.bz[i], of.cz[i], of.az[i]);
+            }
+            turned = nearer_corner(corners::<W>(of, at));
+        }
         let [a, b, c] = corners::<W>(of, at);
         let normal = cross_unfused(zip(a, b, W::sub), zip(a, c, W::sub));
         let [x, y, z] = zip(a, normal, W::mul);
