@@ -376,7 +376,7 @@ impl<'a> Shadows<'a> {
         let own = own_number(place as u32);
         let of = |DVec3 { x, y, z }: DVec3| PointObject { x, y, z, own, w: 1.0, ..PointObject::default() };
         let Some(sphere) = self.scene.spheres.get(place) else {
-            return geometry::plane_of_one(corners(self.scene, place as u32)).map(of);
+            return geometry::plane_of_one(corners(self.scene, place as u32)).map(|(plane, _)| of(plane));
         };
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, k) = (radius * radius, geometry::power(c, radius));

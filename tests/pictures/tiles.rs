@@ -683,6 +683,14 @@ fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
                 [-0.007221616, 0.023071852, -0.018791841],
             ],
         ),
+        (
+            616.86725,
+            [
+                [2.4179041, 2.9496775, 3.4736676],
+                [25.214285, 30.761032, 36.225105],
+                [-0.04867144, -0.059375826, -0.069923535],
+            ],
+        ),
     ] {
         let camera = Camera::new(64, 32, focal, 1.0).unwrap();
         let triangle = Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };

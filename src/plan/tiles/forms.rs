@@ -230,17 +230,19 @@ impl Forms {
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane by its nearest corner: at the first pixel, and its
-/// increments for a column and a row. None if f32 does not hold them, or no ray hits the triangle.
+/// increments for a column and a row. None if f32 does not hold them, kernels have another plane by rounding, or no ray
+/// hits the triangle.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
-    let n = scale * geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
-    let first = n.dot(grid.ray(0, 0).into());
+    let (p, lost) = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
+    let n = scale * p;
+    let (first, ray) = (n.dot(grid.ray(0, 0).into()), DVec3::from(grid.ray(0, 0)).abs());
     let (across, down) = (n.x * grid.step, -n.y * grid.step);
-    let terms = n.abs().dot(DVec3::from(grid.ray(0, 0)).abs())
-        + across.abs() * f64::from(picture.width)
-        + down.abs() * f64::from(picture.height);
+    let terms = n.abs().dot(ray) + across.abs() * f64::from(picture.width) + down.abs() * f64::from(picture.height);
     // All roundings, here and there, are some parts in 2^24 of these terms, unless what they make in f32 is denormal.
-    let most = [first + terms / f64::from(1 << 18), across, down].map(|x| x as f32);
-    (1e-30..f32::MAX.into()).contains(&terms).then_some(most)
+    let most = [first + terms / f64::from(1 << 17), across, down].map(|x| x as f32);
+    // A ray's components are greatest at the first pixel.
+    let is_near = scale * lost * ray.element_sum() <= terms / f64::from(1 << 18);
+    ((1e-30..f32::MAX.into()).contains(&terms) && is_near).then_some(most)
 }
 
 /// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may not cover all of them.
