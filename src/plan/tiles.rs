@@ -255,11 +255,14 @@ impl<'a> Binned<'a> {
         let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), threads);
         let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), threads);
         let far_apart = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_be_far_apart(&extremes));
-        // For few triangles it is cheaper to look at each.
-        let few = scene.triangle_count() <= FEW_TRIANGLES;
-        let [rounded, rounded_faces] = [&of_triangles, &of_faces].map(|of| few || far_apart(of));
-        let triangles = if rounded { without_edge_on(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
-        let faces = if rounded_faces { faces_without_edge_on(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
+        let (mut triangles, mut faces) = (Cow::Borrowed(&*scene.triangles), Cow::Borrowed(&scene.faces));
+        // Few triangles are all looked at.
+        if scene.triangle_count() <= FEW_TRIANGLES || far_apart(&of_triangles) || far_apart(&of_faces) {
+            let collapse =
+                |triangles: &mut Vec<Triangle>, i: usize| triangles[i].vertices[2] = triangles[i].vertices[0];
+            triangles = without_edge_on(&scene.triangles, scene.triangles.iter().copied(), collapse);
+            faces = without_edge_on(&scene.faces, scene.faces.iter(), Faces::collapse);
+        }
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
         let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
         let (mut of_spheres, mut of_triangles) = (of_spheres.bins, [of_triangles.bins, of_faces.bins]);
@@ -646,26 +649,17 @@ fn extent(scene: &Scene) -> f64 {
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
-/// Triangles of which those that are never hit, which rounded sides may hide from the kernels, have no area.
-fn without_edge_on(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
-    let mut without = Cow::Borrowed(triangles);
-    for (i, _) in triangles.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle)) {
-        let [first, _, third] = &mut without.to_mut()[i].vertices;
-        *third = *first;
-    }
+/// Objects of which these triangles that are never hit, which rounded sides may hide from the kernels, have no area.
+fn without_edge_on<T: ToOwned + ?Sized>(
+    objects: &T,
+    triangles: impl Iterator<Item = Triangle>,
+    collapse: impl Fn(&mut T::Owned, usize),
+) -> Cow<'_, T> {
+    let mut without = Cow::Borrowed(objects);
+    let is_edge_on = |triangle: Triangle| geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none();
+    let edge_on = triangles.enumerate().filter(|(_, triangle)| is_edge_on(*triangle));
+    edge_on.for_each(|(i, _)| collapse(without.to_mut(), i));
     without
-}
-
-/// The same for those that share their corners.
-fn faces_without_edge_on(faces: &Faces) -> Cow<'_, Faces> {
-    let mut without = Cow::Borrowed(faces);
-    let edge_on = faces.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle));
-    edge_on.for_each(|(face, _)| without.to_mut().collapse(face));
-    without
-}
-
-fn is_edge_on(triangle: &Triangle) -> bool {
-    geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
 }
 
 /// A point, moved along its direction to a distance of at most `far`.
