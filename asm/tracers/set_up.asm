@@ -5,8 +5,8 @@
 ;   rayo_<isa>_single_set_up    writes f32
 ;   rayo_<isa>_double_set_up    writes f64
 ;
-;   The rule for degenerate triangles and the planes of the edges are those of reference::geometry, in its order of
-;   operations. A triangle that is never hit gets a 1/t of 0, which is never nearest.
+;   The planes of the edges are those of reference::geometry, in its order of operations. A triangle that is never hit,
+;   or whose volume is 0 but for rounding, gets a 1/t of 0, which is never nearest.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
 ;               rcx triangles left, rdx the next id, rbx from one triangle's shades to the next one's
@@ -291,7 +291,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     jnz     .turn
     SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
     SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
-    TRIANGLE_VOLUME v3, v4, v5, v6, v0, v1, v2, v9, v10, v11, v12, v13, v14, v7
+    TRIANGLE_VOLUME v3, v4, v5, v6, v0, v1, v2, v9, v10, v11, v12, v13, v14, v7, v8
     VAND    v7, v6, [PACKET(sign)]
 
     ; 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, for a triangle that is never hit.

@@ -9,14 +9,13 @@ mod bounds;
 mod forms;
 mod place;
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
 pub use self::bins::LargeInRow;
 use self::bins::{Bins, MOST_SORTED, tiles_of};
-use self::bounds::{Planned, Planning, Widening, bounds_view, sphere_view};
+use self::bounds::{Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
 use self::place::Picture;
 pub use self::place::TilePlace;
@@ -27,7 +26,7 @@ use super::shadows::Shadows;
 use super::team::Team;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
-    AroundSphere, Candidate, Element, Extremes, Faces, ObjectList, PacketKernels, PixelBounds, PointView, SphereView,
+    AroundSphere, Candidate, Element, Extremes, ObjectList, PacketKernels, PixelBounds, PointView, SphereView,
     TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow, TriangleList,
 };
 use crate::reference::geometry;
@@ -95,7 +94,7 @@ pub struct Tiles<'a, E> {
     sphere_lights: Vec<TileLight<f64>>,
     linear: Weighted,
     levels: Weighted,
-    binned: Arc<Binned<'a>>,
+    binned: Arc<Binned>,
     /// The shadows, if they are asked for.
     shadows: Option<Arc<Shadows<'a>>>,
     /// The planes of both kinds of triangles in f64, if they are few: those of the kernels lose digits in slivers.
@@ -117,11 +116,7 @@ struct Frame {
 }
 
 /// The bins of all objects, which f32 and f64 share.
-struct Binned<'a> {
-    /// The scene's triangles, rotated so that a near corner comes first.
-    triangles: Cow<'a, [Triangle]>,
-    /// The same for those that share their corners.
-    faces: Cow<'a, Faces>,
+struct Binned {
     of_spheres: Bins,
     /// Those of both kinds of triangles, each counted from 0.
     of_triangles: [Bins; 2],
@@ -208,10 +203,10 @@ fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
 }
 
-impl<'a> Binned<'a> {
+impl Binned {
     /// Plans for kernels in f32, or for those in f64.
     fn new(
-        scene: &'a Scene,
+        scene: &Scene,
         &Frame { grid, picture, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
         (keep, threads): (Keep, usize),
@@ -254,25 +249,14 @@ impl<'a> Binned<'a> {
         let of_spheres = spheres.plan(&scene.spheres, threads);
         let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), threads);
         let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), threads);
-        let far_apart = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_be_far_apart(&extremes));
-        let (mut triangles, mut faces) = (Cow::Borrowed(&*scene.triangles), Cow::Borrowed(&scene.faces));
-        // Few triangles are all looked at.
-        if scene.triangle_count() <= FEW_TRIANGLES || far_apart(&of_triangles) || far_apart(&of_faces) {
-            let collapse =
-                |triangles: &mut Vec<Triangle>, i: usize| triangles[i].vertices[2] = triangles[i].vertices[0];
-            triangles = without_edge_on(&scene.triangles, scene.triangles.iter().copied(), collapse);
-            faces = without_edge_on(&scene.faces, scene.faces.iter(), Faces::collapse);
-        }
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
         let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
         let (mut of_spheres, mut of_triangles) = (of_spheres.bins, [of_triangles.bins, of_faces.bins]);
         of_spheres.sort(|_| None);
-        for (bins, triangles) in of_triangles.iter_mut().zip(triangle_lists(&triangles, &faces)) {
+        for (bins, triangles) in of_triangles.iter_mut().zip(triangle_lists(scene)) {
             bins.sort(|id| forms::most_at(&triangles.get(id as usize), grid, scale, picture));
         }
         Binned {
-            triangles,
-            faces,
             of_spheres,
             of_triangles,
             wide: if wide.is_empty() { Vec::new() } else { tiles_of(&wide, picture) },
@@ -306,7 +290,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         (scene, raster): (&'a Scene, Raster),
         frame: Frame,
         keep: Keep,
-        (binned, shadows): (Arc<Binned<'a>>, Option<Arc<Shadows<'a>>>),
+        (binned, shadows): (Arc<Binned>, Option<Arc<Shadows<'a>>>),
     ) -> Self {
         let Frame { grid, picture, extent, scale, .. } = frame;
         let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
@@ -330,7 +314,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             bytes,
         };
         let few = !is_f32::<E>() && scene.triangle_count() <= FEW_TRIANGLES;
-        let planes = triangle_lists(&binned.triangles, &binned.faces);
+        let planes = triangle_lists(scene);
         let plane = |triangles: TriangleList<'_>| {
             (0..triangles.len()).map(|i| ExactPlane::of(&triangles.get(i), scale)).collect()
         };
@@ -398,7 +382,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// All triangles: those that have their own corners, and those that share them.
     pub fn triangle_lists(&self) -> [TriangleList<'_>; 2] {
-        triangle_lists(&self.binned.triangles, &self.binned.faces)
+        triangle_lists(self.scene)
     }
 
     /// The planes of one of these kinds, if those of set-up are not accurate enough.
@@ -627,8 +611,8 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 }
 
-fn triangle_lists<'a>(triangles: &'a [Triangle], faces: &'a Faces) -> [TriangleList<'a>; 2] {
-    [TriangleList::Apart(triangles), TriangleList::Joined(faces.into())]
+fn triangle_lists(scene: &Scene) -> [TriangleList<'_>; 2] {
+    [TriangleList::Apart(&scene.triangles), TriangleList::Joined((&scene.faces).into())]
 }
 
 /// The size of a scene: the median of the coordinates of a sample, so that a sun or a grain of dust does not make the
@@ -647,19 +631,6 @@ fn extent(scene: &Scene) -> f64 {
     scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(reach(sphere)));
     let middle = sizes.len() / 2;
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
-}
-
-/// Objects of which these triangles that are never hit, which rounded sides may hide from the kernels, have no area.
-fn without_edge_on<T: ToOwned + ?Sized>(
-    objects: &T,
-    triangles: impl Iterator<Item = Triangle>,
-    collapse: impl Fn(&mut T::Owned, usize),
-) -> Cow<'_, T> {
-    let mut without = Cow::Borrowed(objects);
-    let is_edge_on = |triangle: Triangle| geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none();
-    let edge_on = triangles.enumerate().filter(|(_, triangle)| is_edge_on(*triangle));
-    edge_on.for_each(|(i, _)| collapse(without.to_mut(), i));
-    without
 }
 
 /// A point, moved along its direction to a distance of at most `far`.

@@ -2,7 +2,7 @@
 //!
 //! A ray is its direction `d`, of any length but 0: it starts at the origin, and its points are `t d` for t > 0.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 
 /// The smallest t > 0 at which the ray is on the sphere, eq. 5.
 ///
@@ -112,18 +112,20 @@ pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -
     let [nearest, ..] = near_corner_first(vertices.map(|v| v - point));
     let volume = nearest.dot(n);
     let sides = |[v1, v2, v3]: [DVec3; 3]| (v1 - v2, v1 - v3);
-    let size = |(a, b): (DVec3, DVec3)| a.abs().max_element() * b.abs().max_element();
-    if units == 0.0 && volume.abs() > PLAIN * nearest.abs().element_sum() * size(sides(vertices)) {
+    let (a, b) = sides(vertices);
+    let size = a.abs().max_element() * b.abs().max_element();
+    if units == 0.0 && volume.abs() > PLAIN * nearest.abs().element_sum() * size {
         return Some(volume);
     }
     let [v1, v2, v3] = near_corner_first(vertices);
     let (a, b) = sides([v1, v2, v3]);
     // If its sides are rounded, n has no more digits than the products that cancel in it.
     let exact = (v1 - a, v1 - b) == (v2, v3) && (v2 + a, v3 + b) == (v1, v1);
-    let size = if exact { n } else { DVec3::splat(size((a, b))) };
+    let (a, b) = (a.abs(), b.abs());
+    let size = if exact { n.abs() } else { a.yzx() * b.zxy() + a.zxy() * b.yzx() };
     // A volume that is 0 except for rounding is 0.
     let rounded = 4.0 * nearest.abs() + units * point.abs();
-    (volume.abs() > f64::EPSILON * rounded.dot(size.abs())).then_some(volume)
+    (volume.abs() > f64::EPSILON * rounded.dot(size)).then_some(volume)
 }
 
 /// The vector p of the plane p . x = 1 of a triangle, and a bound of what each component loses where n is a difference of

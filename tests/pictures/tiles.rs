@@ -705,6 +705,23 @@ fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
     }
 }
 
+/// It is behind the camera, and its line passes through that but for rounding, so that v.n has no digit left.
+#[test]
+fn a_needle_that_no_ray_hits_is_not_seen_whatever_else_there_is() {
+    let needle = [
+        [-0.0007202606, -0.00093550154, 5.1391403e-6],
+        [-2.1098394e-6, -2.7403387e-6, 1.5053942e-8],
+        [1.3614357e-6, 1.7682838e-6, -9.713997e-9],
+    ];
+    let behind = |i: u16| [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -2.0 - f32::from(i)]];
+    let corners = [needle].into_iter().chain((0..5000).map(behind));
+    let triangle = |corners: [[f32; 3]; 3]| Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };
+    let scene = Scene { camera: camera(64, 32), triangles: corners.map(triangle).collect(), ..many(0, 0, 1) };
+    for contender in packets() {
+        assert!(tiles(&contender, &scene).hits(0..32).iter().all(Option::is_none), "{contender}");
+    }
+}
+
 /// Of two tiles side by side without an object different rows are wanted.
 #[test]
 fn a_background_fills_the_wanted_rows_of_each_tile() {

@@ -193,10 +193,14 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
             turned = nearer_corner(corners::<W>(of, at));
         }
         let [a, b, c] = corners::<W>(of, at);
-        let normal = cross_unfused(zip(a, b, W::sub), zip(a, c, W::sub));
+        let (to_b, to_c) = (zip(a, b, W::sub), zip(a, c, W::sub));
+        let products = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| [to_b[i] * to_c[j], to_b[j] * to_c[i]]);
+        let normal = products.each(|[p, q]| p - q);
         let [x, y, z] = zip(a, normal, W::mul);
         let volume = x + y + z;
-        let seen_from_a_side = volume.abs().greater((x.abs() + y.abs() + z.abs()) * W::of(PLANE));
+        // Each product may have lost some parts in 2^53: TRIANGLE_VOLUME.
+        let [x, y, z] = zip(products.each(|[p, q]| p.abs() + q.abs()), a.each(W::abs), W::mul);
+        let seen_from_a_side = volume.abs().greater((x + y + z) * W::of(PLANE));
         let side = W::of(0.0).with_sign_of(volume);
 
         // 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, if it is never hit.

@@ -65,9 +65,6 @@ pub(super) enum Form {
     Wide,
 }
 
-/// The ratio of the distances of corners up to which the sides between them are taken to be exact.
-const FAR_APART: f64 = (1 << 20) as f64;
-
 /// What the form of an object depends on beside the object itself.
 pub(super) struct Forms {
     grid: Grid<f64>,
@@ -116,15 +113,6 @@ impl Forms {
     /// The same for triangles.
     pub(super) fn surely_narrow_triangles(&self, extremes: &Extremes) -> f32 {
         if self.are_usual(extremes) { (MOST / self.farthest.max(1.0)) as f32 } else { -1.0 }
-    }
-
-    /// Whether corners of a triangle may be so [far apart](FAR_APART) that its sides are rounded, if these are the extremes
-    /// of all.
-    pub(super) fn may_be_far_apart(&self, extremes: &Extremes) -> bool {
-        let nearest = self.extent() / f64::from(extremes.most) * FAR_APART;
-        let are_close = f64::from(extremes.nearest) < nearest;
-        // A NaN may mean anything.
-        !are_close
     }
 
     /// The form of a sphere. Its upper bound of 1/t is corrected, since f32 may not have held it.
