@@ -96,8 +96,8 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     }
     let contenders = accuracy::contenders_and_options();
     party.run_alike(&contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
-    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let stop = party.agree(party.stop_on_signals())?;
+    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let machine = Machine::this();
     let wall = (MachineClock::wall(), Rate { hz: MachineClock::WALL_HZ, of_counter: false });
     let counter = MachineClock::counter().zip(machine.tsc_hz);

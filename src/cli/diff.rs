@@ -38,12 +38,14 @@ pub struct DiffArgs {
 /// # Errors
 /// If there is no verdict.
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
-    if let Some(output) = &args.output {
-        keep_apart(output, &[&args.a, &args.b])?;
-        keep_scene_files(output)?;
-        remove_part_files_on_signals()?;
-    }
-    let (comparison, text) = diff(args)?;
+    let output = args.output.as_deref().map(|path| {
+        keep_apart(path, &[&args.a, &args.b])?;
+        // Before any work: a name that no picture can be written to.
+        let format = output_format(path)?;
+        keep_scene_files(path)?;
+        remove_part_files_on_signals().map(|()| (path, format))
+    });
+    let (comparison, text) = diff(args, output.transpose()?)?;
     let within_tolerance = comparison.largest <= args.tolerance && comparison.largest.is_finite();
     let verdict = Verdict {
         a: args.a.to_string_lossy(),
@@ -57,9 +59,7 @@ pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
 }
 
 /// Compares the images, in numbers and in words, and writes the picture of their differences.
-fn diff(args: &DiffArgs) -> Result<(Comparison, String), Failure> {
-    // Before any work: a name that no picture can be written to.
-    let output = args.output.as_deref().map(|path| output_format(path).map(|format| (path, format))).transpose()?;
+fn diff(args: &DiffArgs, output: Option<(&Path, Format)>) -> Result<(Comparison, String), Failure> {
     let incomparable =
         |error| Failure::input(format!("cannot compare {} with {}: {error}", shown(&args.a), shown(&args.b)));
     let (a, b) = (ImageFile::open(&args.a).map_err(Failure::input)?, ImageFile::open(&args.b).map_err(Failure::input)?);

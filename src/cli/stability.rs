@@ -85,8 +85,8 @@ pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     let apart = || keep_results_apart(&args.out, &results, args.limits.as_slice());
     party.agree(party.leads().then(apart).transpose())?;
     party.run_alike(&settings.contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
-    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let stop = party.agree(party.stop_on_signals())?;
+    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     party.start_threads_and_pin();
     announce(stability::forecast(&settings) / party.count() as f64, (!args.quick).then_some("--quick"));
     let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());

@@ -41,8 +41,8 @@ pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Fail
     let none = "--complexity is for packet engines, and none is among these: name sse41, avx2 or avx512";
     party.agree(if settings.engines.is_empty() { Err(Failure::input(none)) } else { Ok(()) })?;
     party.run_alike(&settings.engines.iter().map(|engine| engine.name()).collect::<Vec<_>>())?;
-    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let Prepared { mut clock, stop, machine, .. } = party.agree(prepare(party))?;
+    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let bar = bar(settings.work());
     bar.set_draw_target(party.bar_target(args.json)());
     let proceed = |work| {

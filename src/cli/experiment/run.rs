@@ -27,8 +27,8 @@ const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = args.settings()?;
-    create_directory(&args.out)?;
     let mut prepared = prepare(&Party::ALONE)?;
+    create_directory(&args.out)?;
     let stop = Arc::clone(&prepared.stop);
     let bar = bar(work(args, &settings));
     let document = measure(args, &settings, &mut prepared, &mut |work| {
@@ -45,13 +45,13 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     if complete {
         return Ok(ExitCode::SUCCESS);
     }
-    let kept = format!("{runs} of {} runs, in {} sizes", settings.runs, document.sizes().count());
+    let kept = format!("{runs} of {} runs, in {} sizes,", settings.runs, document.sizes().count());
     Err(interrupted(&kept, &args.out))
 }
 
 /// The failure after Ctrl-C, which says what is kept.
 pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
-    Failure::stopped(format!("stopped early: {kept}, are finished and kept in {}", shown(directory)))
+    Failure::stopped(format!("stopped early: {kept} are finished and kept in {}", shown(directory)))
 }
 
 /// What every measurement needs; it is made once the arguments are known to be good.
