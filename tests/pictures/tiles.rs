@@ -683,6 +683,8 @@ fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
                 [-0.007221616, 0.023071852, -0.018791841],
             ],
         ),
+        // Its products are exact, and cancel.
+        (1.0, [[1.0, 0.0, 8.881784e-16], [-1.0, 1.0, -1.0], [0.0, -3.0, 3.0]]),
         (
             616.86725,
             [

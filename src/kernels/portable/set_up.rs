@@ -198,9 +198,10 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
         let normal = products.each(|[p, q]| p - q);
         let [x, y, z] = zip(a, normal, W::mul);
         let volume = x + y + z;
-        // Each product may have lost some parts in 2^53: TRIANGLE_VOLUME.
+        let rounded = (x.abs() + y.abs() + z.abs()) * W::of(PLANE);
+        // Each product may have lost one part in 2^53: TRIANGLE_VOLUME.
         let [x, y, z] = zip(products.each(|[p, q]| p.abs() + q.abs()), a.each(W::abs), W::mul);
-        let seen_from_a_side = volume.abs().greater((x + y + z) * W::of(PLANE));
+        let seen_from_a_side = volume.abs().greater(rounded + (x + y + z) * W::of(f64::EPSILON / 2.0));
         let side = W::of(0.0).with_sign_of(volume);
 
         // 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, if it is never hit.
