@@ -199,9 +199,9 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
         let [x, y, z] = zip(a, normal, W::mul);
         let volume = x + y + z;
         let rounded = (x.abs() + y.abs() + z.abs()) * W::of(PLANE);
-        // Each product may have lost one part in 2^53: TRIANGLE_VOLUME.
+        // Each product, and both sides that it is of, may have lost one part in 2^53: TRIANGLE_VOLUME.
         let [x, y, z] = zip(products.each(|[p, q]| p.abs() + q.abs()), a.each(W::abs), W::mul);
-        let seen_from_a_side = volume.abs().greater(rounded + (x + y + z) * W::of(f64::EPSILON / 2.0));
+        let seen_from_a_side = volume.abs().greater(rounded + (x + y + z) * W::of(1.5 * f64::EPSILON));
         let side = W::of(0.0).with_sign_of(volume);
 
         // 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, if it is never hit.
