@@ -153,8 +153,7 @@
 %endmacro
 
 ; NEARER_CORNER - r = a bit for each lane whose first corner is not the nearest one, although that is less than half as
-;           far away as the farthest: 4 min(b.b, c.c) < max(a.a, b.b, c.c) and min(b.b, c.c) < a.a, without rounding but
-;           in sums.
+;           far away as the farthest: 4 min(b.b, c.c) < max(a.a, b.b, c.c) and min(b.b, c.c) < a.a.
 ;
 ;   instructions   sse41 35   avx2 17   avx512 16
 ;   critical path  mul -> fma -> fma -> max -> max -> mul -> compare -> mask

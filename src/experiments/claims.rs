@@ -400,8 +400,7 @@ fn by_hand(of: &Experiment, rungs: &[Rung]) -> (Verdict, String) {
     let against = ladder::against_compiler(rungs);
     let closed: Vec<_> = against.iter().filter(|of| of.engine == ladder::WIDEST_BY_HAND).collect();
     // The ratio of one run has no interval: it may be as far off as two figures of one thing are apart.
-    let of_one_run = rungs.iter().any(|rung| rung.samples.len() <= rung.samples_per_run);
-    let margin = if of_one_run { 1.0 + SAME } else { 1.0 };
+    let margin = if rungs.iter().all(|rung| rung.samples.len() > rung.samples_per_run) { 1.0 } else { 1.0 + SAME };
     let told = |value: f64, low: f64, high: f64| format!("{value:.2} [{:.2}, {:.2}]", low / margin, high * margin);
     let mut figure = format!(
         "the paper's SIMD is {} times as fast as its C, compiled with the same omissions",

@@ -121,7 +121,8 @@ pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -
     let (a, b) = sides([v1, v2, v3]);
     // If its sides are rounded, n has no more digits than the products that cancel in it.
     let exact = (v1 - a, v1 - b) == (v2, v3) && (v2 + a, v3 + b) == (v1, v1);
-    let (a, b) = (a.abs(), b.abs());
+    let n = if exact { kahans_normal(a, b) } else { n };
+    let (a, b, volume) = (a.abs(), b.abs(), nearest.dot(n));
     let size = if exact { n.abs() } else { a.yzx() * b.zxy() + a.zxy() * b.yzx() };
     // A volume that is 0 except for rounding is 0.
     let rounded = 4.0 * nearest.abs() + units * point.abs();
@@ -156,7 +157,12 @@ pub fn triangle_plane(vertices: [DVec3; 3]) -> DVec3 {
     if n.abs().max_element() > SLIVER * a.abs().max_element() * b.abs().max_element() {
         return n;
     }
-    // In a sliver the products cancel: Kahan's difference of products keeps the rounding error of each.
+    // In a sliver the products cancel.
+    kahans_normal(a, b)
+}
+
+/// a x b by Kahan's difference of products, which keeps the rounding error of each.
+fn kahans_normal(a: DVec3, b: DVec3) -> DVec3 {
     let difference = |a: f64, b: f64, c: f64, d: f64| {
         let cd = c * d;
         a.mul_add(b, -cd) - c.mul_add(d, -cd)

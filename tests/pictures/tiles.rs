@@ -707,20 +707,32 @@ fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
     }
 }
 
-/// It is behind the camera, and its line passes through that but for rounding, so that v.n has no digit left.
+/// One is behind the camera, and its line passes through that but for rounding; the planes of the others pass through it exactly.
 #[test]
-fn a_needle_that_no_ray_hits_is_not_seen_whatever_else_there_is() {
-    let needle = [
-        [-0.0007202606, -0.00093550154, 5.1391403e-6],
-        [-2.1098394e-6, -2.7403387e-6, 1.5053942e-8],
-        [1.3614357e-6, 1.7682838e-6, -9.713997e-9],
-    ];
-    let behind = |i: u16| [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -2.0 - f32::from(i)]];
-    let corners = [needle].into_iter().chain((0..5000).map(behind));
-    let triangle = |corners: [[f32; 3]; 3]| Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };
-    let scene = Scene { camera: camera(64, 32), triangles: corners.map(triangle).collect(), ..many(0, 0, 1) };
-    for contender in packets() {
-        assert!(tiles(&contender, &scene).hits(0..32).iter().all(Option::is_none), "{contender}");
+fn what_no_ray_hits_is_not_seen_whatever_else_there_is() {
+    for corners in [
+        [
+            [-0.0007202606, -0.00093550154, 5.1391403e-6],
+            [-2.1098394e-6, -2.7403387e-6, 1.5053942e-8],
+            [1.3614357e-6, 1.7682838e-6, -9.713997e-9],
+        ],
+        [
+            [2694840320.0, 0.0, 9162457088.0],
+            [-5373952000.0, 5242880.0, -18272485376.0],
+            [-1.9073486e-5, -0.055298805, 0.010994911],
+        ],
+        [[0.0, -4.0, 8.0], [-0.66604173, 8.037073e-9, 0.05514598], [0.0, 4.25, -8.5]],
+    ] {
+        let behind = |i: u16| [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -2.0 - f32::from(i)]];
+        let triangle = |corners: [[f32; 3]; 3]| Triangle { colour: Vec3::ONE, vertices: corners.map(Vec3::from_array) };
+        for others in [0, 5000] {
+            let triangles = [corners].into_iter().chain((0..others).map(behind)).map(triangle).collect();
+            let scene = Scene { camera: camera(33, 33), triangles, ..many(0, 0, 1) };
+            for contender in packets() {
+                let hits = tiles(&contender, &scene).hits(0..33);
+                assert!(hits.iter().all(Option::is_none), "{contender}: {corners:?} and {others}");
+            }
+        }
     }
 }
 

@@ -62,8 +62,7 @@ fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
-/// A mask of the lanes whose first corner is not the nearest one, although that is less than half as far away as the
-/// farthest: NEARER_CORNER.
+/// A mask of the lanes of which another corner is the nearest, less than half as far away as the farthest: NEARER_CORNER.
 #[inline(always)]
 fn nearer_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
     let [a, b, c] = [dot(a, a), dot(b, b), dot(c, c)];

@@ -218,8 +218,7 @@ impl Forms {
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane by its nearest corner: at the first pixel, and its
-/// increments for a column and a row. None if f32 does not hold them, kernels have another plane by rounding, or no ray
-/// hits the triangle.
+/// increments for a column and a row. None if f32 does not hold them, kernels have another plane, or no ray hits it.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let (p, lost) = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
     let n = scale * p;
@@ -228,7 +227,6 @@ pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture:
     let terms = n.abs().dot(ray) + across.abs() * f64::from(picture.width) + down.abs() * f64::from(picture.height);
     // All roundings, here and there, are some parts in 2^24 of these terms, unless what they make in f32 is denormal.
     let most = [first + terms / f64::from(1 << 17), across, down].map(|x| x as f32);
-    // A ray's components are greatest at the first pixel.
     let is_near = scale * lost * ray.element_sum() <= terms / f64::from(1 << 18);
     ((1e-30..f32::MAX.into()).contains(&terms) && is_near).then_some(most)
 }
