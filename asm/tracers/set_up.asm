@@ -10,7 +10,7 @@
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
 ;               rcx triangles left, rdx the next id, rbx from one triangle's shades to the next one's
-;   writes      planes and shades of count triangles, rounded up to a multiple of LANES
+;   writes      planes and shades of count triangles, rounded up to a multiple of LANES; arrays, with corners turned
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are triangles, or faces with valid
 ;               vertices, 4 readable bytes after these, and colours in the arrays
 ;   equals      kernels::portable::set_up::set_up, to the last bit

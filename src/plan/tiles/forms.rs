@@ -227,8 +227,8 @@ pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture:
     let terms = n.abs().dot(ray) + across.abs() * f64::from(picture.width) + down.abs() * f64::from(picture.height);
     // All roundings, here and there, are some parts in 2^24 of these terms, unless what they make in f32 is denormal.
     let most = [first + terms / f64::from(1 << 17), across, down].map(|x| x as f32);
-    let is_near = scale * lost * ray.element_sum() <= terms / f64::from(1 << 18);
-    ((1e-30..f32::MAX.into()).contains(&terms) && is_near).then_some(most)
+    let is_kernels = scale * lost * ray.element_sum() <= terms / f64::from(1 << 18);
+    ((1e-30..f32::MAX.into()).contains(&terms) && is_kernels).then_some(most)
 }
 
 /// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may not cover all of them.
