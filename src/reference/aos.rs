@@ -106,15 +106,9 @@ pub fn sphere(form: Form, ray: Lanes, s: &Sphere) -> f32 {
     let h = dot(form, s.centre, ray);
     let k = dot(form, s.centre, s.centre) - s.radius * s.radius;
     let disc = h * h - k * a;
-    if disc >= 0.0 {
-        let root = disc.sqrt();
-        for t in [(h - root) / a, (h + root) / a] {
-            if t > 0.0 {
-                return t;
-            }
-        }
-    }
-    f32::INFINITY
+    // NaN, which no comparison holds for, if the ray misses it.
+    let root = disc.sqrt();
+    [(h - root) / a, (h + root) / a].into_iter().find(|t| *t > 0.0).unwrap_or(f32::INFINITY)
 }
 
 /// The normal of eq. 6.
