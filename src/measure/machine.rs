@@ -185,15 +185,12 @@ fn of_cpu() -> Machine {
     let cpuid = raw_cpuid::CpuId::new();
     let numbers = cpuid.get_feature_info().map(|info| [info.family_id(), info.model_id(), info.stepping_id()]);
     let [family, model, stepping] = [0, 1, 2].map(|place| Some(u32::from(numbers?[place])));
-    let is_amd = cpuid.get_vendor_info().is_some_and(|vendor| vendor.as_str() == "AuthenticAMD");
     Machine {
         cpu: cpuid.get_processor_brand_string().map(|brand| brand.as_str().trim().to_owned()),
         family,
         model,
         stepping,
-        microarchitecture: family
-            .zip(model)
-            .and_then(|(family, model)| Some(microarchitecture(is_amd, family, model)?.into())),
+        microarchitecture: microarchitecture(&cpuid).map(Into::into),
         hypervisor: cpuid.get_hypervisor_info().map(|info| format!("{:?}", info.identify())),
         tsc_invariant: cpuid.get_advanced_power_mgmt_info().is_some_and(|info| info.has_invariant_tsc()),
         ..Machine::default()
@@ -206,15 +203,20 @@ fn of_cpu() -> Machine {
     Machine::default()
 }
 
-/// The microarchitecture of a family and model by AMD or Intel, as Linux has it in `arch/x86`.
+/// The microarchitecture of a family and model by AMD or Intel, as Linux has it in `arch/x86`. A hypervisor may give a CPU
+/// the model of an older one: with AMX, which these lack, it has no name.
 #[cfg(target_arch = "x86_64")]
-fn microarchitecture(is_amd: bool, family: u32, model: u32) -> Option<&'static str> {
-    Some(match (is_amd, family, model) {
+fn microarchitecture(cpuid: &raw_cpuid::CpuId<raw_cpuid::CpuIdReaderNative>) -> Option<&'static str> {
+    let info = cpuid.get_feature_info()?;
+    let is_amd = cpuid.get_vendor_info()?.as_str() == "AuthenticAMD";
+    let has_amx = cpuid.get_extended_feature_info().is_some_and(|info| info.has_amx_tile());
+    Some(match (is_amd, info.family_id(), info.model_id()) {
         (true, 0x17, 0x00..=0x2f | 0x50..=0x5f) => "Zen",
         (true, 0x17, _) => "Zen 2",
         (true, 0x19, 0x10..=0x1f | 0x60..=0xaf) => "Zen 4",
         (true, 0x19, 0x00..=0x5f) => "Zen 3",
         (true, 0x1a, 0x00..=0x4f | 0x60..=0x7f) => "Zen 5",
+        (false, 6, model) if has_amx && !matches!(model, 0x8f | 0xcf | 0xad | 0xae) => return None,
         (false, 6, 0x3c | 0x3f | 0x45 | 0x46) => "Haswell",
         (false, 6, 0x3d | 0x47 | 0x4f | 0x56) => "Broadwell",
         (false, 6, 0x4e | 0x5e | 0x8e | 0x9e | 0xa5 | 0xa6) => "Skylake",
