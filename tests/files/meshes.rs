@@ -82,7 +82,12 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
     assert_eq!(Mesh::read(&folder.path().join("box.obj")).unwrap().libraries, [folder.path().join("my box.mtl")]);
     write("lost.obj", &format!("mtllib lost.mtl\n{OBJ_SQUARE}{faces}"));
     let lost = Mesh::read(&folder.path().join("lost.obj")).unwrap();
-    assert_eq!(lost.notes, ["its materials are not all there: `lost.mtl` cannot be read"]);
+    let note = "its materials are not all there: `lost.mtl` cannot be read: ";
+    assert!(
+        matches!(&lost.notes[..], [one] if one.starts_with(note) && one.ends_with("(os error 2)")),
+        "{:?}",
+        lost.notes
+    );
     assert!(lost.colours.is_empty());
     write("both.obj", &format!("mtllib my box.mtl\n{OBJ_SQUARE}v 0 0 0 1 0 0\nusemtl blue\nf 1 2 3\nf 5 5 5\n"));
     let both = Mesh::read(&folder.path().join("both.obj")).unwrap();

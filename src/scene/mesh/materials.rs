@@ -1,6 +1,7 @@
 //! Colours of meshes: those of vertices, and the materials that an OBJ file names (MTL).
 
 use std::collections::HashMap;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -88,13 +89,14 @@ impl Materials {
         let (mut known, mut all_are_read) = (HashMap::new(), true);
         for library in &self.libraries {
             let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+            let mut read = |name| read(name, folder, &mut known).map(|path| mesh.libraries.push(path));
             // One name with blanks, or several.
-            let mut read = |name| read(name, folder, &mut known).map(|path| mesh.libraries.push(path)).is_some();
-            let are_read = read(library) || words().count() > 1 && words().all(read);
-            all_are_read &= are_read;
-            if !are_read {
+            let fault =
+                read(library).or_else(|one| if words().count() > 1 { words().try_for_each(read) } else { Err(one) });
+            if let Err(fault) = fault {
                 let name = brief(&String::from_utf8_lossy(library));
-                mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read"));
+                mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read: {fault}"));
+                all_are_read = false;
             }
         }
         let none = Material::default();
@@ -122,12 +124,12 @@ impl Materials {
 }
 
 /// Reads a file of materials, if there is a regular one; returns which.
-fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> Option<PathBuf> {
-    let path = folder.join(str::from_utf8(name).ok()?.replace('\\', "/"));
-    if !path.is_file() {
-        return None;
+fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> io::Result<PathBuf> {
+    let path = folder.join(str::from_utf8(name).map_err(io::Error::other)?.replace('\\', "/"));
+    if !path.metadata()?.is_file() {
+        return Err(io::Error::other("it is not a regular file"));
     }
-    let text = open::contents_within(&path, MOST, "too many for materials").ok()?;
+    let text = open::contents_within(&path, MOST, "too many for materials")?;
     let mut material = Material::default();
     let mut begun = None;
     let text = text.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&text);
@@ -148,5 +150,5 @@ fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> O
         }
     }
     known.extend(begun.map(|name| (name, material)));
-    Some(path)
+    Ok(path)
 }
