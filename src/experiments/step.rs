@@ -29,7 +29,7 @@ use model::{Element, Operation, Place};
 use parts::{Part, parts_of_call, range_of};
 use shadow::{Shadow, StepError};
 
-/// Instructions of a row of pixels that are followed at most, to find those of one pixel among them.
+/// Instructions of a pixel and its neighbours, or of its tile, that are followed at most, to find those of the pixel.
 const MOST_VISITS: usize = 1 << 20;
 
 /// The instructions that cost most digits, that are named.
@@ -72,11 +72,11 @@ pub enum WatchError {
     },
     #[error("instructions cannot be watched here: {0}")]
     Unavailable(#[from] Unavailable),
-    /// A row that is too much work to be followed.
+    /// A pixel that is too much work to be followed.
     #[error(
-        "this row of pixels takes more than the {MOST_VISITS} instructions that can be followed: choose fewer pixels by --size, or packets by --engine"
+        "to make this pixel takes more than the {MOST_VISITS} instructions that can be followed: choose packets by --engine, or a scene with fewer objects"
     )]
-    Row,
+    TooLong,
     #[error("this takes {needed} instructions, more than the {most} that are recorded: raise --steps")]
     TooMany {
         /// Instructions that would be recorded.
@@ -194,20 +194,18 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
     let (address, bytes) = (pixels.as_ptr() as u64, size_of_val(pixels) as u64);
     let size = PixelFormat::F32x4.bytes() as u64;
-    // Of packets the pixel's tile alone.
-    let of_pixel = |rows: Range<u32>, columns: Range<u32>| if columns.contains(&pixel.0) { rows } else { 0..0 };
-    let mut trace = || match film.as_mut() {
-        FilmMut::F32x4(pixels) if engine.is_packet() => {
-            tracer.light(row.clone(), &of_pixel, Vec4::default(), pixels);
-        }
-        film => tracer.rows(row.clone(), film),
+    // Of packets the pixel's tile alone, else the pixel and its neighbours, so that what is once for the row is seen.
+    let near = u32::from(!engine.is_packet());
+    let of_pixel = |rows: Range<u32>, Range { start, end }: Range<u32>| {
+        if start <= pixel.0 + near && pixel.0 < end + near { rows } else { 0..0 }
     };
+    let mut trace = || _ = tracer.light(row.clone(), &of_pixel, Vec4::default(), pixels);
     // Once before: what is computed or bound at the first call is not the row's.
     trace();
     let watched = [unit.code.clone()];
     let (visits, all) = step::visits(&watched, MOST_VISITS, &mut trace)?;
     if !all {
-        return Err(WatchError::Row);
+        return Err(WatchError::TooLong);
     }
     let executed = visits.len() as u64;
     let calls = calls(unit, &visits);
@@ -246,7 +244,6 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let mut watched = seen.tell(unit, &told_calls, &slice, lane);
     let found = tracer.hits(row).swap_remove(told as usize);
     let direction = DVec3::from(scene.camera.grid::<f64>().ray(pixel.1, told));
-    let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
     let colour = pixels[told as usize];
     watched.hit = found.map(|found| Hit::new(&found, direction));
     watched.colour = Some([colour.x, colour.y, colour.z]);

@@ -37,18 +37,21 @@ impl Tracer for AosTracer {
 
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
         assert_rows(&rows, self.size, out.len());
-        let width = self.packed.frame().width as usize;
-        for (row, out) in rows.zip(out.chunks_exact_mut(width)) {
-            let is_wanted: Vec<_> = (0..width as u32).map(|column| is_wanted(wanted, row, column)).collect();
-            let mut first = 0;
-            for run in is_wanted.chunk_by(|a, b| a == b) {
-                let columns = first..first + run.len();
-                if run[0] {
-                    let frame =
-                        Frame { background, first: first as u64, width: run.len() as u64, ..*self.packed.frame() };
-                    self.kernels.trace.call(&frame, self.packed.objects(), row..row + 1, &mut out[columns.clone()]);
+        let (width, whole) = (self.size[0], self.packed.frame());
+        for (row, out) in rows.zip(out.chunks_exact_mut(width as usize)) {
+            let mut end = 0;
+            while end < width {
+                // Most of a row may be unwanted: so many pixels are passed over at once.
+                let mut block = end..width.min(end + 64);
+                end = block.end;
+                if wanted(row..row + 1, block.clone()).is_empty() {
+                    continue;
                 }
-                first = columns.end;
+                let first = block.find(|column| is_wanted(wanted, row, *column)).unwrap_or(end);
+                end = (first..width).find(|column| !is_wanted(wanted, row, *column)).unwrap_or(width);
+                let frame = Frame { background, first: first.into(), width: (end - first).into(), ..*whole };
+                let out = &mut out[first as usize..end as usize];
+                self.kernels.trace.call(&frame, self.packed.objects(), row..row + 1, out);
             }
         }
         None

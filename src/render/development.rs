@@ -348,8 +348,8 @@ mod tests {
                 out
             };
             let is_wanted = |row: u32, column: u32| (row * column) % 5 < 2;
-            let of_one = |rows: Range<u32>, columns: Range<u32>| {
-                if is_wanted(rows.start, columns.start) { rows } else { rows.end..rows.end }
+            let of_one = |rows: Range<u32>, mut columns: Range<u32>| {
+                if columns.any(|column| is_wanted(rows.start, column)) { rows } else { rows.end..rows.end }
             };
             for (i, (some, all)) in light(&of_one).into_iter().zip(light(&|rows, _| rows)).enumerate() {
                 let (row, column) = (i as u32 / 48, i as u32 % 48);
