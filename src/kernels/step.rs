@@ -223,8 +223,9 @@ mod imp {
 
     /// Runs after every instruction: counts the one before, and clears the flag at the end.
     extern "C" fn on_trap(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
-        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t.
-        if unsafe { (*info).si_code } != libc::TRAP_TRACE {
+        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t. Under a hypervisor one in millions
+        // comes without the bit that says it is of the flag, as TRAP_BRKPT, which `int3` is not.
+        if !unsafe { [libc::TRAP_TRACE, libc::TRAP_BRKPT].contains(&(*info).si_code) } {
             // Somebody's breakpoint: what would have happened without us.
             // SAFETY: both functions may be called in a handler, and the signal number is the one that came.
             unsafe {
