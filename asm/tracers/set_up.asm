@@ -152,36 +152,33 @@
     WIDEN   %%z, [r8 + TriangleArrays. %+ %%corner %+ z]
 %endmacro
 
-; NEARER_CORNER - r = a bit for each lane whose first corner is not the nearest one, although that is less than half as
-;           far away as the farthest: 4 min(b.b, c.c) < max(a.a, b.b, c.c) and min(b.b, c.c) < a.a.
+; BETTER_CORNER - r = a bit for each lane in which another corner than the first one, with the two sides there, has a product
+;           of lengths below an eighth of its: of a in v0 to v2, b in v3 to v5, c in v6 to v8. v9 to v11 = a - b, v12 to
+;           v14 = a - c. Clobbers v3 to v8 and v15.
 ;
-;   instructions   sse41 35   avx2 17   avx512 16
-;   critical path  mul -> fma -> fma -> max -> max -> mul -> compare -> mask
-;   equals         kernels::portable::set_up::nearer_corner
-%macro NEARER_CORNER 14
+;   instructions   sse41 70   avx2 46   avx512 45
+;   critical path  sub -> mul -> fma -> fma -> mul -> mul -> min -> compare -> mask
+;   equals         kernels::portable::set_up::better_corner
+%macro BETTER_CORNER 1
 %define %%r %1          ; [out]      32-bit register
-%define %%ax %2         ; [in]       vreg
-%define %%ay %3         ; [in]       vreg
-%define %%az %4         ; [in]       vreg
-%define %%bx %5         ; [in]       vreg
-%define %%by %6         ; [in]       vreg
-%define %%bz %7         ; [in]       vreg
-%define %%cx %8         ; [in]       vreg
-%define %%cy %9         ; [in]       vreg
-%define %%cz %10        ; [in]       vreg
-%define %%aa %11        ; [clobbered] vreg
-%define %%bb %12        ; [clobbered] vreg
-%define %%cc %13        ; [clobbered] vreg
-%define %%t %14         ; [clobbered] vreg
-    DOT3    %%aa, %%ax, %%ay, %%az, %%ax, %%ay, %%az, %%t
-    DOT3    %%bb, %%bx, %%by, %%bz, %%bx, %%by, %%bz, %%t
-    DOT3    %%cc, %%cx, %%cy, %%cz, %%cx, %%cy, %%cz, %%t
-    VMAX    %%t, %%bb, %%cc
-    VMAX    %%t, %%t, %%aa
-    VMIN    %%bb, %%bb, %%cc
-    VMUL    %%t, %%t, [PACKET(quarters)]
-    MASK_GREATER %%t, %%bb
-    MASK_AND_GREATER %%aa, %%bb, %%cc
+    DOT3    v12, v3, v4, v5, v3, v4, v5, v15
+    DOT3    v13, v6, v7, v8, v6, v7, v8, v15
+    SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
+    SUB3    v3, v4, v5, v3, v4, v5, v6, v7, v8
+    DOT3    v15, v3, v4, v5, v3, v4, v5, v14
+    VMUL    v3, v12, v15                ; |b|^2 |b - c|^2
+    VMUL    v4, v13, v15                ; |c|^2 |b - c|^2
+    SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
+    DOT3    v6, v9, v10, v11, v9, v10, v11, v8
+    DOT3    v7, v12, v13, v14, v12, v13, v14, v8
+    DOT3    v8, v0, v1, v2, v0, v1, v2, v15
+    VMUL    v8, v8, v6
+    VMUL    v8, v8, v7
+    VMUL    v3, v3, v6
+    VMUL    v4, v4, v7
+    VMIN    v3, v3, v4
+    VMUL    v8, v8, [PACKET(sixty_fourths)]
+    MASK_GREATER v8, v3
     MASK_BITS %%r
 %endmacro
 
@@ -281,15 +278,13 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ASK_FOR ahead, 1, FACE_BYTES, FETCH_VERTICES
     ASK_FOR later, 2, FACE_BYTES, FETCH_FACE
 .asked:
-    ; Of a far corner the terms of v . n would cancel: a near one comes first.
+    ; The terms of v . n, with n of the sides at v, may cancel: a corner comes first where they are small.
     LOAD_CORNER v0, v1, v2, a
     LOAD_CORNER v3, v4, v5, b
     LOAD_CORNER v6, v7, v8, c
-    NEARER_CORNER eax, v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12
+    BETTER_CORNER eax
     test    eax, eax
     jnz     .turn
-    SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
-    SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
     TRIANGLE_VOLUME v3, v4, v5, v6, v0, v1, v2, v9, v10, v11, v12, v13, v14, v7, v8
     VAND    v7, v6, [PACKET(sign)]
 

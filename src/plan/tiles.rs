@@ -171,7 +171,7 @@ impl ExactPlane {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let n = geometry::triangle_plane(corners);
         let inverse = geometry::triangle_volume(corners).map_or(DVec3::ZERO, |volume| scale * (n / volume));
-        ExactPlane { inverse, normal: n.normalize_or_zero() / scale, corner: corners[0] }
+        ExactPlane { inverse, normal: n.normalize_or_zero() / scale, corner: geometry::near_corner_first(corners)[0] }
     }
 
     /// 1/t in the middle of a tile, and its increments for a column and a row.

@@ -78,15 +78,19 @@ fn is_inside(d: DVec3, [v1, v2, v3]: [DVec3; 3], volume: f64) -> bool {
 
 /// Rotated so that the nearest corner comes first: its product with the normal is the triangle's volume like any
 /// other's, but the terms of a farther one would cancel.
-pub fn near_corner_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
-    let [one, two, three] = [v1, v2, v3].map(|v| v.abs().max_element());
-    if two < one && two <= three {
-        [v2, v3, v1]
-    } else if three < one && three < two {
-        [v3, v1, v2]
-    } else {
-        [v1, v2, v3]
-    }
+pub fn near_corner_first(vertices: [DVec3; 3]) -> [DVec3; 3] {
+    least_first(vertices, vertices.map(|v| v.abs().max_element()))
+}
+
+/// Rotated so that the longest side is opposite the first corner: of two longer sides the products would cancel.
+fn short_sides_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
+    least_first([v1, v2, v3], [v2 - v3, v3 - v1, v1 - v2].map(|side| -side.abs().max_element()))
+}
+
+/// Rotated so that the corner with the least of these numbers comes first.
+fn least_first(mut vertices: [DVec3; 3], [one, two, three]: [f64; 3]) -> [DVec3; 3] {
+    vertices.rotate_left(if two < one { 1 + usize::from(three < two) } else { 2 * usize::from(three < one) });
+    vertices
 }
 
 /// From this share of the product of its terms on no rounding makes a volume of 0.
@@ -117,7 +121,7 @@ pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -
     if units == 0.0 && volume.abs() > PLAIN * nearest.abs().element_sum() * size {
         return Some(volume);
     }
-    let [v1, v2, v3] = near_corner_first(vertices);
+    let [v1, v2, v3] = short_sides_first(vertices);
     let (a, b) = sides([v1, v2, v3]);
     // If its sides are rounded, n has no more digits than the products that cancel in it.
     let exact = (v1 - a, v1 - b) == (v2, v3) && (v2 + a, v3 + b) == (v1, v1);
@@ -133,7 +137,7 @@ pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -
 /// rounded products; None if the [volume](triangle_volume) is 0.
 #[inline]
 pub fn plane_of_one(vertices: [DVec3; 3]) -> Option<(DVec3, f64)> {
-    let [v1, v2, v3] = near_corner_first(vertices);
+    let [v1, v2, v3] = short_sides_first(vertices);
     let (a, b) = (v1 - v2, v1 - v3);
     let (mut n, size) = (a.cross(b), a.abs().max_element() * b.abs().max_element());
     let mut volume = v1.dot(n);
@@ -144,14 +148,14 @@ pub fn plane_of_one(vertices: [DVec3; 3]) -> Option<(DVec3, f64)> {
         volume = side_of_plane(vertices, n, DVec3::ZERO, 0.0)?;
     }
     let p = n / volume;
-    // n loses 2 epsilon of the size, and v . n thrice that, of a corner at most twice as far away.
-    let lost = 16.0 * f64::EPSILON * size / volume.abs() * distance * p.abs().max_element();
+    // n loses 2 epsilon of the size, and v . n thrice that, with up to eight times these terms (BETTER_CORNER).
+    let lost = 512.0 * f64::EPSILON * size / volume.abs() * distance * p.abs().max_element();
     Some((p, lost))
 }
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 if the triangle has no area.
 pub fn triangle_plane(vertices: [DVec3; 3]) -> DVec3 {
-    let [v1, v2, v3] = near_corner_first(vertices);
+    let [v1, v2, v3] = short_sides_first(vertices);
     let (a, b) = (v1 - v2, v1 - v3);
     let n = a.cross(b);
     if n.abs().max_element() > SLIVER * a.abs().max_element() * b.abs().max_element() {

@@ -5,7 +5,7 @@ use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::kernels::Vec4;
 use rayo::plan::{Keep, Omission, Report};
-use rayo::render::{Counted, Distance, Engine, Film, Found, PixelFormat, Plan, Purpose, Tracer};
+use rayo::render::{Counted, Distance, Engine, Film, FilmMut, Found, PixelFormat, Plan, Precision, Purpose, Tracer};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 use std::ops::Range;
@@ -704,6 +704,47 @@ fn what_reaches_far_and_begins_near_is_seen_as_its_nearest_corner_tells() {
             assert_eq!(is_seen(&hits), is_seen(&reference), "{contender}, {focal}");
         }
         check_by_force(&scene, &format!("focal distance {focal}"));
+    }
+}
+
+/// A needle, one that begins nearer than it ends, and a triangle of which all but a corner is far away.
+#[test]
+fn a_triangle_is_where_it_is_and_as_bright_whichever_corner_comes_first() {
+    let behind = [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]];
+    let wall = [[-9.0, -9.0, 0.77096], [9.0, -9.0, 0.77096], [0.0, 9.0, 0.77096]];
+    for (side, mut corners, wall) in [
+        (128, [[0.2, 0.2, 1.75], [-8e-16, 8e-16, 1.0], [8e-16, -8e-16, 1.0]], None),
+        (3, [[0.238, 0.238, 0.7], [-3e-14, 3e-14, 1.0], [3e-14, -3e-14, 1.0]], Some(wall)),
+        (20, [[3e16, 2e16, 1e16], [0.0, -1.0, 10.0], [-2e16, 1e16, 7e15]], None),
+        (20, [[9e17, 3e17, 1.1e18], [-8e17, 4e17, 1.2e18], [0.1, -1.0, 2.0]], None),
+    ] {
+        for (turns, others) in (0..3).flat_map(|turns| [(turns, 0), (turns, 4096)]) {
+            corners.rotate_left(usize::from(others == 0));
+            let all = [corners].into_iter().chain(wall).chain(std::iter::repeat_n(behind, others));
+            let triangles = all.map(|of| Triangle { colour: Vec3::ONE, vertices: of.map(Vec3::from_array) }).collect();
+            let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-3.0, 4.0, -5.0) }];
+            let scene = Scene { triangles, lights, ..Scene { camera: camera(side, side), ..many(0, 0, 1) } };
+            let what = format!("{corners:?}, {others} others, {turns} turns");
+            let reference = Engine::Reference.prepare(None, &scene).unwrap();
+            let picture = |tracer: &dyn Tracer| {
+                let mut film = film(tracer, scene.camera, 1, PixelFormat::F32x4);
+                let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
+                (
+                    tracer.hits(0..side).iter().map(|found| found.map(|found| found.object)).collect::<Vec<_>>(),
+                    pixels.to_vec(),
+                )
+            };
+            let (objects, expected) = picture(&*reference);
+            assert!(objects.contains(&Some(Object::Triangle(0))), "{what}");
+            for contender in packets() {
+                let (found, pixels) = picture(&*tiles(&contender, &scene));
+                assert_eq!(found, objects, "{contender}: {what}");
+                let most = if contender.precision == Precision::Double { 2e-6 } else { 1.0 / 255.0 };
+                let is_near = |(a, b): (&Vec4, &Vec4)| (a.x - b.x).abs() <= most;
+                assert!(pixels.iter().zip(&expected).all(is_near), "{contender}: {what}");
+            }
+            check_by_force(&scene, &what);
+        }
     }
 }
 

@@ -62,12 +62,13 @@ fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
-/// A mask of the lanes of which another corner is the nearest, less than half as far away as the farthest: NEARER_CORNER.
+/// A mask of the lanes of which another corner, with the two sides there, has a product below an eighth: BETTER_CORNER.
 #[inline(always)]
-fn nearer_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
-    let [a, b, c] = [dot(a, a), dot(b, b), dot(c, c)];
-    let nearer = b.min(c);
-    (b.max(c).max(a) * L::of(0.25)).greater(nearer).and(a.greater(nearer))
+fn better_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
+    let square = |v: [L; 3]| dot(v, v);
+    let [ab, ac, bc] = [(a, b), (a, c), (b, c)].each(|(v, w)| square(zip(v, w, L::sub)));
+    let [a, b, c] = [square(a) * ab * ac, square(b) * bc * ab, square(c) * bc * ac];
+    (a * L::of(1.0 / 64.0)).greater(b.min(c))
 }
 
 pub fn bounds<L: Lanes<Number = f32>>(
@@ -181,15 +182,15 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     }
     let all = W::all;
     for at in (0..past).step_by(W::COUNT) {
-        // Of a far corner the terms of v . n would cancel: a near one comes first.
-        let mut turned = nearer_corner(corners::<W>(of, at));
+        // The terms of v . n, with n of the sides at v, may cancel: a corner comes first where they are small.
+        let mut turned = better_corner(corners::<W>(of, at));
         while turned.any() {
             for i in (0..W::COUNT).filter(|i| turned.lane(*i).is_set()).map(|i| at + i) {
                 (of.ax[i], of.bx[i], of.cx[i]) = (of.bx[i], of.cx[i], of.ax[i]);
                 (of.ay[i], of.by[i], of.cy[i]) = (of.by[i], of.cy[i], of.ay[i]);
                 (of.az[i], of.bz[i], of.cz[i]) = (of.bz[i], of.cz[i], of.az[i]);
             }
-            turned = nearer_corner(corners::<W>(of, at));
+            turned = better_corner(corners::<W>(of, at));
         }
         let [a, b, c] = corners::<W>(of, at);
         let (to_b, to_c) = (zip(a, b, W::sub), zip(a, c, W::sub));
