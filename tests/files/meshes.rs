@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::fs;
+use std::iter;
 use std::path::Path;
 
 use crate::counting::peak_of;
@@ -703,8 +704,10 @@ fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
         star.collect(),
         comb(200),
     ] {
-        for turned in [false, true] {
-            let mut outline = outline.clone();
+        for (turned, times) in [(false, 1), (true, 1), (false, 2), (true, 3)] {
+            // A corner may be repeated, the first one at the end too.
+            let mut outline: Vec<_> = outline.iter().flat_map(|&corner| iter::repeat_n(corner, times)).collect();
+            outline.rotate_left(times / 2);
             if turned {
                 outline.reverse();
             }
@@ -724,6 +727,7 @@ fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
     // An outline that crosses itself, and one on a line, have no inside; they are cut all the same.
     assert_eq!(cut(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]).unwrap().len(), 2);
     assert_eq!(cut(&[(0.0, 0.0), (3.0, 0.0), (1.0, 0.0), (2.0, 0.0), (0.5, 0.0)]).unwrap().len(), 3);
+    assert_eq!(cut(&[(1.0, 2.0); 5]).unwrap().len(), 3);
 }
 
 #[test]

@@ -22,8 +22,12 @@ pub(super) struct Fan {
 pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -> Result<(), MeshError> {
     for &Fan { number, first, corners } in fans {
         let fan = &mut triangles[first..first + corners - 2];
-        let outline: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|triangle| triangle[2])).collect();
-        let flat = flat(outline.iter().map(|&index| vertices[index as usize].as_dvec3()).collect());
+        let mut outline: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|triangle| triangle[2])).collect();
+        let place = |index: &u32| vertices[*index as usize];
+        // A corner that is repeated turns at neither of its copies, which would hide a turn to the right.
+        let mut before = place(&outline[corners - 1]);
+        outline.retain(|index| place(index) != std::mem::replace(&mut before, place(index)));
+        let flat = flat(outline.iter().map(|index| place(index).as_dvec3()).collect());
         if is_convex(&flat) {
             continue;
         }
@@ -31,6 +35,7 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
             let corners = counted(corners, "corner", "corners");
             MeshError::new(format!("face {number} has {corners} and is not convex")).expected("triangles in its place")
         })?;
+        fan.fill([outline[0]; 3]); // Without an area: those left stand for repeated corners.
         for (triangle, ear) in fan.iter_mut().zip(ears) {
             *triangle = ear.map(|corner| outline[corner]);
         }
@@ -41,19 +46,12 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
 /// A face projected along its normal (Newell's: the sum over all its edges), counter-clockwise.
 fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     let from_first = |corner: &DVec3| *corner - corners[0];
-    let edges = corners.iter().zip(&corners[1..]);
+    let edges = corners.iter().zip(corners.iter().skip(1));
     let normal: DVec3 = edges.map(|(a, b)| from_first(a).cross(from_first(b))).sum();
-    let [x, y, z] = normal.abs().to_array();
-    let (drop, along) = if x >= y && x >= z {
-        (0, normal.x)
-    } else if y >= z {
-        (1, normal.y)
-    } else {
-        (2, normal.z)
-    };
+    let drop = normal.abs().max_position();
     let seen = |corner: &DVec3| {
         let (u, v) = (corner[(drop + 1) % 3], corner[(drop + 2) % 3]);
-        if along < 0.0 { DVec2::new(v, u) } else { DVec2::new(u, v) }
+        if normal[drop] < 0.0 { DVec2::new(v, u) } else { DVec2::new(u, v) }
     };
     corners.iter().map(seen).collect()
 }
