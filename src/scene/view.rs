@@ -248,7 +248,9 @@ impl Scene {
         let middle = DVec3::Z * (f64::from(near) + f64::from(far)) / 2.0;
         let turn = DQuat::from_axis_angle(up, -std::f64::consts::TAU * part);
         let position = middle - turn * middle;
-        View { position, look_at: position + turn * DVec3::Z, up: turn * DVec3::Y }
+        // As long as the way there, in whatever unit: a step of 1 would be lost in the digits of a place far away.
+        let step = if position == DVec3::ZERO { 1.0 } else { position.length() };
+        View { position, look_at: position + turn * DVec3::Z * step, up: turn * DVec3::Y }
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::extent;
 use crate::mixtures;
 use crate::program::rayo;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
 use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
@@ -169,6 +169,20 @@ fn a_scene_scaled_by_a_power_of_two_has_the_same_bytes() {
         }
     }
     assert!(cfg!(not(rayo_asm)) || compared > 1000, "only {compared} were compared");
+}
+
+#[test]
+fn a_camera_goes_the_same_way_round_a_scene_scaled_by_a_power_of_two() {
+    let world = scene::many(5, 40, 3);
+    for exponent in [-60, -7, 23, 40, 52, 60, 100] {
+        let scaled = |scene: &Scene| scene.scaled(2f32.powi(exponent));
+        for up in [DVec3::Y, DVec3::new(0.0, 0.8, 0.6)] {
+            for part in [0.0, 1e-5, 0.2, 0.25, 0.5, 0.77, 1.0] {
+                let seen = |world: &Scene| world.seen_from(world.orbit(up, part)).unwrap();
+                assert!(scaled(&seen(&world)) == seen(&scaled(&world)), "2^{exponent}: {part} of a turn about {up}");
+            }
+        }
+    }
 }
 
 #[test]
