@@ -152,36 +152,6 @@
     WIDEN   %%z, [r8 + TriangleArrays. %+ %%corner %+ z]
 %endmacro
 
-; BETTER_CORNER - r = a bit for each lane in which another corner than the first one, with the two sides there, has a product
-;           of lengths below an eighth of its: of a in v0 to v2, b in v3 to v5, c in v6 to v8. v9 to v11 = a - b, v12 to
-;           v14 = a - c. Clobbers v3 to v8 and v15.
-;
-;   instructions   sse41 70   avx2 46   avx512 45
-;   critical path  sub -> mul -> fma -> fma -> mul -> mul -> min -> compare -> mask
-;   equals         kernels::portable::set_up::better_corner
-%macro BETTER_CORNER 1
-%define %%r %1          ; [out]      32-bit register
-    DOT3    v12, v3, v4, v5, v3, v4, v5, v15
-    DOT3    v13, v6, v7, v8, v6, v7, v8, v15
-    SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
-    SUB3    v3, v4, v5, v3, v4, v5, v6, v7, v8
-    DOT3    v15, v3, v4, v5, v3, v4, v5, v14
-    VMUL    v3, v12, v15                ; |b|^2 |b - c|^2
-    VMUL    v4, v13, v15                ; |c|^2 |b - c|^2
-    SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
-    DOT3    v6, v9, v10, v11, v9, v10, v11, v8
-    DOT3    v7, v12, v13, v14, v12, v13, v14, v8
-    DOT3    v8, v0, v1, v2, v0, v1, v2, v15
-    VMUL    v8, v8, v6
-    VMUL    v8, v8, v7
-    VMUL    v3, v3, v6
-    VMUL    v4, v4, v7
-    VMIN    v3, v3, v4
-    VMUL    v8, v8, [PACKET(sixty_fourths)]
-    MASK_GREATER v8, v3
-    MASK_BITS %%r
-%endmacro
-
 ; TURN - moves a coordinate of a triangle's second corner to the first, of the third to the second, of the first to the
 ;        third. Clobbers r12, r13 and r14.
 %macro TURN 1

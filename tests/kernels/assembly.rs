@@ -461,7 +461,7 @@ const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions. Those in no table have
 /// one, and take each of their parameters in a register of its own.
-const PACKET_SNIPPETS: [Row; 100] = [
+const PACKET_SNIPPETS: [Row; 101] = [
     ("ELEMENT", "", "ELEM"),
     ("CONSTANTS", "", "0"),
     ("LEVELS GREY_RGBA8", "", "0"),
@@ -558,6 +558,7 @@ const PACKET_SNIPPETS: [Row; 100] = [
     ("ONE_SQUARE", "", "xmm3, xmm0, x, xmm1, y, rdx, xmm4"),
     ("IF_OUTSIDE_SPHERE", "", "xmm0, xmm1, xmm2, rdx, xmm6, xmm3, xmm4, .body_end"),
     ("TRIANGLE_COSINE SPHERE_COSINE", "", "v0, v1, v2, v3, v4, rdi, v5, v6, v7, v8"),
+    ("BETTER_CORNER", "", "eax"),
     ("SPHERE_ROOT", "", "v0, v1, v2, rdi, v3, v4, v5"),
     ("NORMAL_OVER_T", "", "v0, x, v1, v2, v3, rdi, v4, v5"),
     ("SHORT_COSINE", "", "v0, v1, v2, v3, rdi, v4, v5, v6, v7"),
