@@ -615,6 +615,31 @@ fn a_large_triangle_behind_a_tiny_scene_is_seen() {
     check_by_force(&scene, "a tiny scene before a large triangle");
 }
 
+/// A picture is one column of its tiles. In the others a triangle's 1/t would be less than f32's least number, and its bound
+/// there was taken for 0.
+#[test]
+fn what_is_beyond_f32_only_beside_the_picture_is_seen() {
+    for height in [40, 4400] {
+        let mut scene = Scene { camera: camera(1, height), ..many(0, 0, 1) };
+        let (size, far) = ((1 << 20) as f32, [[1.0, -1.0, 1.0], [-1.0, -1.0, 1.0], [0.0, 1.0, 1.0]]);
+        let far = far.map(|v| size * Vec3::from_array(v));
+        let near = [[-1.0, -0.6], [1.0, -0.6], [0.0, 0.1]].map(|[column, y]| {
+            // In the unit of the far one; in the first row 1/z is negative.
+            let inverse = f32::MAX * (0.05 - 0.3 * y - 0.0315 * column);
+            size / inverse * Vec3::new(column / height as f32, y, 1.0)
+        });
+        for vertices in [far, far, near] {
+            scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+        }
+        for contender in packets() {
+            let hits = tiles(&contender, &scene).hits(height / 2..height);
+            let is_near = |found: &Option<_>| matches!(found, Some(Found { object: Object::Triangle(2), .. }));
+            assert!(hits.iter().all(is_near), "{contender}, {height} rows");
+        }
+        check_by_force(&scene, &format!("{height} rows"));
+    }
+}
+
 /// Two corners are far away on opposite sides: of the volume that a far one spans half the digits are lost, and with it what
 /// is behind came through.
 #[test]

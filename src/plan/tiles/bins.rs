@@ -203,8 +203,8 @@ impl Bins {
             let columns = range(candidate.columns);
             let is_in = columns.start < column + TILE_WIDTH as u32 && column < columns.end;
             let here = most + across * x + down * y + across.abs() * half_width + down.abs() * half_height;
-            // A NaN is not less.
-            if here < candidate.most {
+            // Where a tile reaches beyond the picture, a sum may be beyond f32: it is no bound then.
+            if here.is_finite() && here < candidate.most {
                 candidate.most = if here > 0.0 { here } else { 0.0 };
             }
             if everywhere || is_in && candidate.most >= least {
