@@ -36,9 +36,9 @@ fn share<N: Number>(x: &N, size: f64) -> Option<f64> {
     Some(share)
 }
 
-/// The same where 0 is no: what P is on does not hide.
-fn strictly<N: Number>(x: &N, size: f64) -> Option<f64> {
-    let is_on = x.to_f64().abs() <= ON * size && x.is_within(ON * size);
+/// The same where 0 is no: what P is on, by its terms' own size, does not hide.
+fn strictly<N: Number>(x: &N, size: f64, own: f64) -> Option<f64> {
+    let is_on = x.to_f64().abs() <= ON * own && x.is_within(ON * own);
     if is_on { Some(NEVER) } else { share(x, size) }
 }
 
@@ -72,7 +72,7 @@ where
         let before_p = share(&self.g.dot(&q), g_size * q_size + self.doubt * (g_size + q_size))?;
         let power_of_light = &of_light.dot(&of_light) - &r2;
         let power_of_p = &q.dot(&q) - &r2;
-        let outside = strictly(&power_of_p, 4.0 * radius * self.doubt)?;
+        let outside = strictly(&power_of_p, 4.0 * radius * self.doubt, r2.to_f64())?;
         let inside = if outside == NEVER { NEVER } else { -outside };
         let sure = share(&power_of_light, l_size * l_size + radius * radius)?;
         Some(match power_of_light.sign()? {
@@ -83,27 +83,24 @@ where
     }
 
     fn is_hidden_by_triangle(&self, vertices: [Vector<N>; 3]) -> Option<f64> {
-        let [v1, v2, v3] = &vertices;
         // The terms of a far corner would cancel.
         let nearest = |sizes: [f64; 3]| (1..3).fold(0, |at, i| if sizes[i] < sizes[at] { i } else { at });
         let seen = vertices.each_ref().map(|v| v.sub(&self.p));
         let sizes = seen.each_ref().map(|v| DVec3::from(v.to_f64()).length());
         let by_light = vertices.each_ref().map(|v| v.sub(&self.light));
         let from_light = by_light.each_ref().map(|v| DVec3::from(v.to_f64()));
-        let (a, b) = (v1.sub(v2), v1.sub(v3));
+        let (a, b) = (vertices[0].sub(&vertices[1]), vertices[0].sub(&vertices[2]));
         let (n, area) = (a.cross(&b), DVec3::from(a.to_f64()).length() * DVec3::from(b.to_f64()).length());
         let at = nearest(from_light.map(DVec3::length));
         let of_light = &n.dot(&by_light[at]);
-        let sure = strictly(of_light, area * from_light[at].length())?;
-        let side = N::new(if sure > 0.0 { -1.0 } else { 1.0 });
-        if sure == NEVER {
-            return Some(NEVER);
-        }
+        let sure = share(of_light, area * from_light[at].length())?.abs();
+        // Of a needle it is a small share wherever the light is. Where it is 0, so are all terms below, and P is on the plane.
+        let side = N::new((-of_light.sign()?).into());
         let at = nearest(sizes);
-        let of_p = &n.dot(&seen[at]) * &side;
-        let mut hides = strictly(&of_p, area * (sizes[at] + 2.0 * self.doubt))?.min(sure.abs());
-        let g = self.g.scale(&side);
-        let g_size = DVec3::from(g.to_f64()).length();
+        let own = DVec3::from(n.to_f64()).length() * sizes[at];
+        let of_p = strictly(&(&n.dot(&seen[at]) * &side), area * (sizes[at] + 2.0 * self.doubt), own)?;
+        let (mut hides, mut most) = (of_p, of_p);
+        let (g, g_size) = (self.g.scale(&side), DVec3::from(self.g.to_f64()).length());
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
             let edge = from_light[j] - from_light[i];
             let (middle, plane) = (0.5 * (sizes[i] + sizes[j]), from_light[i].cross(edge).length());
@@ -113,8 +110,11 @@ where
             let (ends, of_ends) =
                 if of_light < sizes[i] * sizes[j] { (&by_light, of_light) } else { (&seen, sizes[i] * sizes[j]) };
             let size = of_ends * g_size + plane * self.doubt + from_middle;
-            hides = hides.min(share(&g.dot(&ends[i].cross(&ends[j])), size)?);
+            let inside = share(&g.dot(&ends[i].cross(&ends[j])), size)?;
+            (hides, most) = (hides.min(inside), most.max(inside));
         }
-        Some(hides)
+        // Were the light on the other side, all signs would be.
+        let other_side = if of_p == NEVER { f64::INFINITY } else { most.max(sure) };
+        Some(hides.max(-other_side).min(sure))
     }
 }

@@ -431,6 +431,33 @@ fn the_judge_knows_of_every_family_of_shadows_what_light_it_has() {
     }
 }
 
+/// Of the sides of a needle the distance of a light from its plane is so small a share that it was taken for on the plane, and
+/// surely seen.
+#[cfg(feature = "cli")]
+#[test]
+fn the_judge_knows_on_which_side_of_a_needle_a_light_is() {
+    let mut scene = Scene { shadows: true, ..Scene::new(Camera::new(42, 3, 565.0271, 1.0).unwrap()) };
+    scene.lights = vec![light(vec3(-0.0014300407, -0.000108547836, 2.6850512))];
+    scene.triangles = vec![
+        triangle([
+            vec3(0.00023509443, 8.275908e-6, 0.28378588),
+            vec3(-0.0016768489, 0.00023664128, 5.0512934),
+            vec3(0.00023509354, 8.167407e-6, 0.28378606),
+        ]),
+        triangle([
+            vec3(7.697217e-5, -5.8513073e-5, 0.9755406),
+            vec3(-0.0020653552, -0.00012964109, 3.405733),
+            vec3(-0.002063213, -0.00012956996, 3.403303),
+        ]),
+    ];
+    let truth = rayo::render::Truth::new(&scene);
+    for pixel in [truth.pixel(0, 20), truth.exact_pixel(0, 20)] {
+        let hit = pixel.hit.unwrap();
+        assert_eq!(hit.cosines, [0.0]);
+        assert!(hit.shadow < 1e-20, "{hit:?}");
+    }
+}
+
 #[test]
 fn what_is_lost_in_the_rounding_of_a_distance_hides_a_light_too() {
     // A light in a sphere that is smaller than the last digit of its distance.
