@@ -22,7 +22,7 @@ const FEW: usize = 8;
 
 /// Compare every engine with exact arithmetic, and its error with its run time
 ///
-/// The truth is computed in 256 bits. Where it is within its margin of another answer, either is right; everywhere else
+/// The truth is computed in 1024 bits. Where it is within its margin of another answer, either is right; everywhere else
 /// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that no other beats in both error and time
 /// are marked as the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
 /// names. Ctrl-C keeps what is finished.

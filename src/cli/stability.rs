@@ -23,7 +23,7 @@ use crate::scene::{brief, shown, text_within};
 ///
 /// The families are S1 to S9 (spheres), T1 to T7 (triangles), X1 and X2 (scales mixed, objects twice), L1 and L2
 /// (lights), H1 to H6 (shadows, for engines that have them), I1 (images) and N1 (what is not a number). Hits, t,
-/// normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json and
+/// normals and levels are compared with the truth in 1024 bits. Writes stability.md, stability.svg, results.json and
 /// limits.csv, the limits that would just hold, to the directory that --out names. If an engine does not keep its
 /// limits, the exit status is 1, and the command that repeats the case is printed. Ctrl-C keeps what is finished.
 #[cfg_attr(feature = "mpi", doc = " Ranks of mpirun share the families, and there Ctrl-C keeps nothing.")]

@@ -62,7 +62,7 @@ impl<'a, N> Operations<N> for &'a N where
 {
 }
 
-/// A number to about 106 bits, as the sum of two f64: for fast comparisons with one of 256 bits.
+/// A number to about 106 bits, as the sum of two f64: for fast comparisons with one of 1024 bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// The number rounded to nearest.

@@ -1,7 +1,7 @@
 //! The truth of a picture: what each ray hits, where, and in which colour, beyond any doubt of f64.
 //!
 //! Objects that a ray certainly does not meet are excluded in f64, with a bound on its rounding. The rest is computed
-//! in numbers that carry a bound on their own error, and in 256 bits where those do not decide.
+//! in numbers that carry a bound on their own error, and in 1024 bits where those do not decide.
 
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -154,10 +154,10 @@ impl Truth {
         (0..self.bodies.len()).filter(|i| !self.bodies[*i].quick.certainly_missed(d, reach)).collect()
     }
 
-    /// The same in 256 bits, to check the quick one.
+    /// The same in 1024 bits, to check the quick one.
     pub fn exact_pixel(&self, row: u32, col: u32) -> TruePixel {
         let ray = self.rays.ray(row, col);
-        self.known_pixel(&self.near(row, col), &ray, |body| Some(body.exact())).expect("256 bits know everything")
+        self.known_pixel(&self.near(row, col), &ray, |body| Some(body.exact())).expect("1024 bits know everything")
     }
 
     /// The same in fewer bits; None if these do not decide.

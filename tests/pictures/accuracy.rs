@@ -1,4 +1,4 @@
-//! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
+//! The truth in 1024 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
 
 use crate::program::{self, Run};
 use crate::schema;

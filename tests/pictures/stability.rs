@@ -339,7 +339,7 @@ fn near(a: f64, b: f64, share: f64) -> bool {
 }
 
 #[test]
-fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always_is() {
+fn the_truth_in_few_bits_is_that_in_1024_wherever_it_is_sure_and_it_nearly_always_is() {
     let (mut pixels, mut sure, mut hits) = (0, 0, 0);
     for (seed, scene) in mixtures::scenes(150).enumerate() {
         let truth = Truth::new(&scene);
