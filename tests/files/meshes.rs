@@ -90,6 +90,9 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
         lost.notes
     );
     assert!(lost.colours.is_empty());
+    write("partly.obj", &format!("mtllib lost.mtl box.mtl\n{OBJ_SQUARE}{faces}"));
+    write("box.mtl", "newmtl red\nKd 1 0 0\n");
+    assert_eq!(colours(&Mesh::read(&folder.path().join("partly.obj")).unwrap())[1], RED);
     write("both.obj", &format!("mtllib my box.mtl\n{OBJ_SQUARE}v 0 0 0 1 0 0\nusemtl blue\nf 1 2 3\nf 5 5 5\n"));
     let both = Mesh::read(&folder.path().join("both.obj")).unwrap();
     assert_eq!(both.notes, ["not read: materials, since vertices have colours"]);
@@ -701,6 +704,10 @@ fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
             (6.0, 3.0),
             (3.0, 3.0),
         ],
+        // Two triangles that meet at a corner, and spikes from a square, out and in.
+        vec![(-2.0, 0.0), (0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 0.0), (-2.0, 1.0)],
+        vec![(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (7.0, 9.0), (4.0, 4.0), (0.0, 4.0)],
+        vec![(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (1.0, 2.0), (4.0, 4.0), (0.0, 4.0)],
         star.collect(),
         comb(200),
     ] {

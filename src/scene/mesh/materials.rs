@@ -91,8 +91,7 @@ impl Materials {
             let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
             let mut read = |name| read(name, folder, &mut known).map(|path| mesh.libraries.push(path));
             // One name with blanks, or several.
-            let fault =
-                read(library).or_else(|one| if words().count() > 1 { words().try_for_each(read) } else { Err(one) });
+            let fault = read(library).or_else(|one| words().map(read).reduce(Result::and).unwrap_or(Err(one)));
             if let Err(fault) = fault {
                 let name = brief(&String::from_utf8_lossy(library));
                 mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read: {fault}"));

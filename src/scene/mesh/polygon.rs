@@ -28,13 +28,12 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
         let mut before = place(&outline[corners - 1]);
         outline.retain(|index| place(index) != std::mem::replace(&mut before, place(index)));
         let flat = flat(outline.iter().map(|index| place(index).as_dvec3()).collect());
-        if is_convex(&flat) {
+        if outline.len() < 3 || is_convex(&flat) {
             continue;
         }
-        let ears = ears(&flat).ok_or_else(|| {
-            let corners = counted(corners, "corner", "corners");
-            MeshError::new(format!("face {number} has {corners} and is not convex")).expected("triangles in its place")
-        })?;
+        let has = counted(corners, "corner", "corners");
+        let fault = || MeshError::new(format!("face {number} has {has} and is not convex"));
+        let ears = ears(&flat).ok_or_else(|| fault().expected("triangles in its place"))?;
         fan.fill([outline[0]; 3]); // Without an area: those left stand for repeated corners.
         for (triangle, ear) in fan.iter_mut().zip(ears) {
             *triangle = ear.map(|corner| outline[corner]);
@@ -56,13 +55,12 @@ fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     corners.iter().map(seen).collect()
 }
 
-/// Whether there is no turn to the right beyond the rounding of corners to f32.
+/// Whether there is no turn to the right beyond the rounding of corners to f32, and none back to the same place.
 fn is_convex(flat: &[DVec2]) -> bool {
     let rounding = flat.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max) * f64::from(f32::EPSILON);
-    let count = flat.len();
-    (0..count).all(|at| {
-        let [a, b, c] = [at, at + 1, at + 2].map(|at| flat[at % count]);
-        turn(a, b, c) >= -2.0 * rounding * ((b - a).length() + (c - b).length())
+    (0..flat.len()).all(|at| {
+        let [a, b, c] = [at, at + 1, at + 2].map(|at| flat[at % flat.len()]);
+        a != c && turn(a, b, c) >= -2.0 * rounding * ((b - a).length() + (c - b).length())
     })
 }
 
@@ -76,20 +74,25 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let mut rest: Vec<usize> = (0..flat.len()).collect();
     let mut ears = Vec::with_capacity(flat.len() - 2);
-    let (mut at, mut refused, mut left) = (0, 0, PATIENCE * flat.len());
+    let (mut at, mut refused, mut left, mut are_sought) = (0, 0, PATIENCE * flat.len(), true);
     while rest.len() > 3 {
         let count = rest.len();
-        let ear = [at + count - 1, at, at + 1].map(|at| rest[at % count]);
-        let [a, b, c] = ear.map(|corner| flat[corner]);
+        let ear = |at: usize| [at + count - 1, at, at + 1].map(|at| rest[at % count]);
+        // Where the rest comes back to a place at once nothing is between: it is cut before an ear beside it is taken for one.
+        let mut places = if are_sought { 0..count } else { at + count - 2..at + count };
+        let back = places.find(|at| matches!(ear(*at).map(|corner| flat[corner]), [a, b, c] if a == c || b == c));
+        are_sought &= back.is_some();
+        at = back.unwrap_or(at) % count;
+        let [a, b, c] = ear(at).map(|corner| flat[corner]);
         let within = |&corner: &usize| {
             let p = flat[corner];
             p != a && p != b && p != c && turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0
         };
         let first_within = if turn(a, b, c) > 0.0 { rest.iter().position(within) } else { Some(0) };
         left = left.checked_sub(first_within.unwrap_or(count) + 1)?;
-        if refused == count || first_within.is_none() {
-            ears.push(ear);
-            rest.remove(at % count);
+        if back.is_some() || refused == count || first_within.is_none() {
+            ears.push(ear(at));
+            rest.remove(at);
             refused = 0;
             // The next corner has come into this place; going on after it avoids a fan of slivers.
             at = (at + 1) % (count - 1);
