@@ -203,14 +203,12 @@ fn of_cpu() -> Machine {
     Machine::default()
 }
 
-/// The microarchitecture of a family and model by AMD or Intel, as Linux has it in `arch/x86`. A hypervisor may give a CPU
-/// the model of an older one: with AMX, which these lack, it has no name.
+/// The microarchitecture by AMD or Intel, as in Linux's `arch/x86`; None if a hypervisor gives a CPU with AMX an older model.
 #[cfg(target_arch = "x86_64")]
 fn microarchitecture(cpuid: &raw_cpuid::CpuId<raw_cpuid::CpuIdReaderNative>) -> Option<&'static str> {
     let info = cpuid.get_feature_info()?;
-    let is_amd = cpuid.get_vendor_info()?.as_str() == "AuthenticAMD";
     let has_amx = cpuid.get_extended_feature_info().is_some_and(|info| info.has_amx_tile());
-    Some(match (is_amd, info.family_id(), info.model_id()) {
+    Some(match (cpuid.get_vendor_info()?.as_str() == "AuthenticAMD", info.family_id(), info.model_id()) {
         (true, 0x17, 0x00..=0x2f | 0x50..=0x5f) => "Zen",
         (true, 0x17, _) => "Zen 2",
         (true, 0x19, 0x10..=0x1f | 0x60..=0xaf) => "Zen 4",
