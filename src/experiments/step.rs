@@ -192,8 +192,8 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let mut film = Film::new(PixelFormat::F32x4, width as usize).map_err(|_| WatchError::Memory)?;
     let row = pixel.1..pixel.1 + 1;
     let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
-    let (address, bytes) = (pixels.as_ptr() as u64, size_of_val(pixels) as u64);
-    let size = PixelFormat::F32x4.bytes() as u64;
+    let first = pixels.as_ptr();
+    let place = |column: u32| first.wrapping_add(column as usize) as u64;
     // Of packets the pixel's tile alone, else the pixel and its neighbours, so that what is once for the row is seen.
     let near = u32::from(!engine.is_packet());
     let of_pixel = |rows: Range<u32>, Range { start, end }: Range<u32>| {
@@ -209,8 +209,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     }
     let executed = visits.len() as u64;
     let calls = calls(unit, &visits);
-    let mut run = Run { visits: &visits, film: address..address + bytes, pixel: 0..0 };
-    run.pixel = pixel_bytes(address, size, pixel.0);
+    let mut run = Run { visits: &visits, film: place(0)..place(width), pixel: place(pixel.0)..place(pixel.0 + 1) };
     let wanted = run.wanted(&calls);
     let needed: u64 = wanted.iter().map(|range| range.end - range.start).sum();
     if needed > most as u64 {
@@ -233,7 +232,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
                 return Err(WatchError::Lane { lane, lanes });
             }
             // The neighbour that is in that lane of the same packet.
-            run.pixel = pixel_bytes(address, size, column as u32);
+            run.pixel = place(column as u32)..place(column as u32 + 1);
             slice = slice::slice(&seen.steps, of_pixel(&run.pixel));
             (lanes > 1).then_some(lane)
         }
@@ -273,11 +272,6 @@ pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>
     watched.lanes = lanes;
     watched.result = Some(result);
     Ok(watched)
-}
-
-fn pixel_bytes(film: u64, size: u64, column: u32) -> Range<u64> {
-    let start = film + size * u64::from(column);
-    start..start + size
 }
 
 /// The calls of kernels, as rows of visits, each with its parts.

@@ -62,7 +62,7 @@ fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
-/// A mask of the lanes of which another corner, with the two sides there, has a product below an eighth: BETTER_CORNER.
+/// A mask of the lanes of which v . n loses eight times as much at the first corner as at another: BETTER_CORNER.
 #[inline(always)]
 fn better_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
     let square = |v: [L; 3]| dot(v, v);

@@ -217,7 +217,7 @@ impl Forms {
     }
 }
 
-/// The upper bound of a triangle's 1/t at a pixel, from its plane by its nearest corner: at the first pixel, and its
+/// The upper bound of a triangle's 1/t at a pixel, from its plane: at the first pixel, and its
 /// increments for a column and a row. None if f32 does not hold them, kernels have another plane, or no ray hits it.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let (p, lost) = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;

@@ -31,9 +31,10 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
         if outline.len() < 3 || is_convex(&flat) {
             continue;
         }
-        let has = counted(corners, "corner", "corners");
-        let fault = || MeshError::new(format!("face {number} has {has} and is not convex"));
-        let ears = ears(&flat).ok_or_else(|| fault().expected("triangles in its place"))?;
+        let ears = ears(&flat).ok_or_else(|| {
+            let corners = counted(corners, "corner", "corners");
+            MeshError::new(format!("face {number} has {corners} and is not convex")).expected("triangles in its place")
+        })?;
         fan.fill([outline[0]; 3]); // Without an area: those left stand for repeated corners.
         for (triangle, ear) in fan.iter_mut().zip(ears) {
             *triangle = ear.map(|corner| outline[corner]);
