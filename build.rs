@@ -1,4 +1,5 @@
-//! Assembles `asm/`, compiles the paper's C, and passes their shared layout, objects and versions to the crate.
+//! Assembles `asm/`, compiles the paper's C, and passes their shared layout, objects and versions
+//! to the crate.
 
 use std::env;
 use std::fs;
@@ -26,29 +27,8 @@ fn main() {
             fs::write(out.join(format!("{unit}.lines")), "").unwrap();
         }
     }
-    if cfg!(feature = "render") {
-        let log = log_of_commits().map(|log| format!("Some(include_bytes!({log:?}))"));
-        fs::write(out.join("log.rs"), log.unwrap_or("None".into())).unwrap();
-    }
     #[cfg(any(feature = "asm", feature = "c"))]
     native::build(&out);
-}
-
-/// Git's log of the commits checked out here. The program includes it (src/main.rs), so that a commit links it again,
-/// without assembling anything. None in a package.
-fn log_of_commits() -> Option<PathBuf> {
-    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
-    let git = root.join(".git");
-    // In a further work tree it is a file that names the directory. Neither changes, and both belong to the repository.
-    let (git, stays) = match fs::read_to_string(&git) {
-        Ok(text) => (root.join(text.strip_prefix("gitdir: ")?.trim()), git),
-        Err(_) => (git.clone(), git.join("description")),
-    };
-    let log = git.join("logs/HEAD");
-    (log.is_file() && stays.is_file()).then(|| {
-        println!("cargo::rerun-if-changed={}", stays.display());
-        log
-    })
 }
 
 /// The first line printed by `program flag`; empty if it cannot be run.
@@ -68,17 +48,20 @@ mod native {
 
     use super::{LADDER_MOST, first_line};
 
-    /// One translation unit per ISA, the harness of checked calls, functions to test the counters, and chains to time.
-    /// Those of the engines.
+    /// The units of the engines, one per ISA, whose source lines `rayo step` shows.
     #[cfg(all(feature = "asm", feature = "lab"))]
     const TRACERS: [&str; 3] = ["sse41", "avx2", "avx512"];
-    const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
+    /// All translation units: those of the engines, the harness of checked calls, functions to test
+    /// the counters, chains to time, and macros by themselves, to be proved.
+    const UNITS: [&str; 9] =
+        ["sse41", "avx2", "avx512", "checked", "known", "chains", "alone_sse41", "alone_avx2", "alone_avx512"];
     const C_SOURCES: [&str; 3] = ["trace", "ops", "hits"];
-    /// The levels at which by_value.c is compiled, to be counted: name, optimisation, and whether for this machine's
-    /// CPU.
+    /// The levels at which by_value.c is compiled, to be counted: name, optimisation, and whether
+    /// for this machine's CPU.
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
-    /// The ladder's rungs in C: each differs from the previous one by a definition, a flag, or the source.
+    /// The ladder's rungs in C: each differs from the previous one by a definition, a flag, or the
+    /// source.
     const RUNGS: [Rung; 23] = [
         Rung { name: "calls", source: "trace", level: Level::Base, flags: &["-DCALLS"] },
         Rung {
@@ -109,7 +92,8 @@ mod native {
         Rung { name: "intrinsics_v3", source: CLOSED, level: Level::V3, flags: &INTRINSICS },
         Rung { name: "intrinsics_v4", source: CLOSED, level: Level::V4, flags: &INTRINSICS },
     ];
-    /// The source of rungs that are kernels of rows. Those named after Clang are compiled by it, where it is installed.
+    /// The source of rungs that are kernels of rows. Those named after Clang are compiled by it,
+    /// where it is installed.
     const CLOSED: &str = "lit";
     /// With these gcc vectorises roots and selections.
     const PLAIN: [&str; 3] = ["-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"];
@@ -119,12 +103,13 @@ mod native {
     const PER_RAY: &str = "-DHOISTED=0";
     const HOISTED: &str = "-DHOISTED=1";
     const FAST: &str = "-ffast-math";
-    /// gcc would merge several selections with the same condition into a branch, and then not vectorise.
+    /// gcc would merge several selections with the same condition into a branch, and then not
+    /// vectorise.
     const NO_BRANCHES: &str = "-fno-thread-jumps";
     const V3: &str = "-march=x86-64-v3";
     const V4: &str = "-march=x86-64-v4";
-    /// The meaning of these two, the first eight of them the former, for compilers that do not know their names, such
-    /// as gcc 10.
+    /// The meaning of these two, the first eight of them the former, for compilers that do not know
+    /// their names, such as gcc 10.
     const EXTENSIONS: [&str; 13] = [
         "-mavx2",
         "-mbmi",
@@ -148,8 +133,8 @@ mod native {
         flags: &'static [&'static str],
     }
 
-    /// A level of x86-64 by the psABI. Code for `-march=native` on this machine could not run on another, so the
-    /// program chooses among these when it runs.
+    /// A level of x86-64 by the psABI. Code for `-march=native` on this machine could not run on
+    /// another, so the program chooses among these when it runs.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Level {
         Base,
@@ -159,15 +144,18 @@ mod native {
         V4,
     }
 
+    /// The oldest NASM that is tested.
+    #[cfg(feature = "asm")]
+    const NASM_VERSION: [u32; 3] = [2, 15, 5];
     #[cfg(feature = "asm")]
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
         or name another one in the variable NASM; \
-        or build without the kernels in assembly: --no-default-features --features c,cli";
+        or build without the kernels in assembly: --no-default-features --features c";
     const CC_MISSING: &str = "a C compiler is needed for the paper's C. Install the package `gcc`: `apt install gcc libc6-dev`, \
         `dnf install gcc`, `pacman -S gcc`, `zypper install gcc` or `xcode-select --install`; \
         or name another one in the variable CC; \
-        or build without the engine in C: --no-default-features --features asm,cli";
+        or build without the engine in C: --no-default-features --features asm";
 
     pub fn build(out: &Path) {
         println!("cargo::rerun-if-changed=asm");
@@ -182,7 +170,8 @@ mod native {
         if objects.is_empty() {
             return;
         }
-        // Code to be counted, timed and disassembled, which renders for no engine. C is measured only beside assembly.
+        // Code to be counted, timed and disassembled, which renders for no engine. C is measured
+        // only beside assembly.
         if cfg!(feature = "lab") {
             let both = !assembled.is_empty() && !compiled.is_empty();
             let levels = if both { C_LEVELS.map(|level| compile_level(out, level)).to_vec() } else { Vec::new() };
@@ -214,24 +203,46 @@ mod native {
         }
         println!("cargo::rustc-cfg=rayo_asm");
         // A call for each unit, since each has its own listing.
-        let objects = std::thread::scope(|threads| {
+        let objects: Result<_, _> = std::thread::scope(|threads| {
             let units = UNITS.map(|unit| threads.spawn(move || assemble_unit(out, unit)));
             units.map(|unit| unit.join().expect("assembling does not panic")).into_iter().collect()
         });
         let program = env::var("NASM").unwrap_or("nasm".into());
-        println!("cargo::rustc-env=RAYO_NASM={}", first_line(program, "-v"));
-        objects
+        let version = first_line(program, "-v");
+        println!("cargo::rustc-env=RAYO_NASM={version}");
+        objects.unwrap_or_else(|refused: Refused| {
+            // Of a NASM that is not there, the refusal says all.
+            let too_old = (!version.is_empty() && is_too_old(&version)).then(|| {
+                format!("this is {version}, which may be too old: name one of 2.15.05 or newer in the variable NASM")
+            });
+            fail(&refused.what, &refused.details.into_iter().chain(too_old).collect::<Vec<_>>().join("\n"))
+        })
+    }
+
+    /// Whether a version as NASM prints it, such as `NASM version 2.16.01 compiled on ...`, is
+    /// below [`NASM_VERSION`].
+    #[cfg(feature = "asm")]
+    fn is_too_old(version: &str) -> bool {
+        let numbers = version.split_whitespace().nth(2).unwrap_or_default().split(['.', 'r']);
+        numbers.map_while(|number| number.parse().ok()).collect::<Vec<u32>>().as_slice() < NASM_VERSION.as_slice()
+    }
+
+    /// Why a unit was not assembled.
+    #[cfg(feature = "asm")]
+    struct Refused {
+        what: String,
+        details: Vec<String>,
     }
 
     #[cfg(feature = "asm")]
-    fn assemble_unit(out: &Path, unit: &str) -> PathBuf {
+    fn assemble_unit(out: &Path, unit: &str) -> Result<PathBuf, Refused> {
         let mut nasm = nasm_rs::Build::new();
         nasm.min_version(2, 15, 0).include("asm").debug(false);
         if strict() {
             nasm.flag("-Wall").flag("-Werror");
         }
-        // The shortest jumps take NASM some eleven passes over a unit, and unoptimised ones two: these will do in a
-        // hurry, and for Clippy, which runs nothing.
+        // The shortest jumps take NASM some eleven passes over a unit, and unoptimised ones two:
+        // these will do in a hurry, and for Clippy, which runs nothing.
         if matches!(env::var("OPT_LEVEL").as_deref(), Ok("0" | "1")) || env::var_os("CLIPPY_ARGS").is_some() {
             nasm.flag("-O1");
         }
@@ -239,22 +250,27 @@ mod native {
         if cfg!(feature = "lab") {
             nasm.flag("-Lm").flag("-l").flag(listing.to_str().expect("Cargo's paths are UTF-8"));
         }
+        // To a file: nasm-rs reports only the exit status.
+        let messages = out.join(format!("{unit}.messages"));
+        nasm.flag("-Z").flag(messages.to_str().expect("Cargo's paths are UTF-8"));
         nasm.file(format!("asm/{unit}.asm"));
-        let objects = nasm.compile_objects().unwrap_or_else(|error| {
-            // nasm-rs reports only NASM's exit status; its messages are in the output above.
-            let ended = error.contains("exit status");
-            fail(
-                if ended {
-                    "NASM refused a kernel, for which see its words in the output of the build script: name another one, \
-                        2.15 or newer, in the variable NASM"
-                } else {
-                    NASM_MISSING
-                },
-                &error,
-            )
-        });
+        let made = nasm.compile_objects();
+        let messages = fs::read_to_string(&messages).unwrap_or_default();
+        let objects = made.map_err(|error| {
+            if !error.contains("exit status") {
+                return Refused { what: NASM_MISSING.into(), details: vec![error] };
+            }
+            let line_of =
+                |file: &str, number: usize| fs::read_to_string(file).ok()?.lines().nth(number - 1).map(str::to_owned);
+            let root = env::var("CARGO_MANIFEST_DIR").unwrap_or_default() + "/";
+            let told = super::nasm_error::first_error(&messages.replace(&root, ""), line_of);
+            let mut details = told.unwrap_or_else(|| messages.lines().map(str::to_owned).chain([error]).collect());
+            Refused { what: format!("asm/{unit}.asm is not assembled: {}", details.remove(0)), details }
+        })?;
+        eprint!("{messages}");
         // nasm-rs names objects only after their sources and can lose one without an error.
         let [object] = &objects[..] else { panic!("NASM did not make one object of {unit}: {objects:?}") };
+        forget_folder(object, unit);
         #[cfg(feature = "lab")]
         {
             if TRACERS.contains(&unit) {
@@ -265,10 +281,28 @@ mod native {
             }
             fs::remove_file(listing).unwrap(); // tens of megabytes
         }
-        object.clone()
+        Ok(object.clone())
     }
 
-    /// Whether a warning is an error: not for users, whose tools may have warnings that ours do not.
+    /// Gives an object the name of its unit for a source, in place of the absolute path that
+    /// nasm-rs makes of it: a program would name the folders of who built it, and kernels would
+    /// seem to differ from folder to folder.
+    #[cfg(feature = "asm")]
+    fn forget_folder(object: &Path, unit: &str) {
+        let name = format!("asm/{unit}.asm");
+        let path = Path::new(&env::var_os("CARGO_MANIFEST_DIR").unwrap()).join(&name);
+        let path = path.to_str().expect("Cargo's paths are UTF-8").as_bytes();
+        let mut bytes = fs::read(object).unwrap();
+        if let Some(at) = bytes.windows(path.len()).position(|window| window == path) {
+            // It ends at the first 0.
+            bytes[at..at + path.len()].fill(0);
+            bytes[at..at + name.len()].copy_from_slice(name.as_bytes());
+            fs::write(object, bytes).unwrap();
+        }
+    }
+
+    /// Whether a warning is an error: not for users, whose tools may have warnings that ours do
+    /// not.
     fn strict() -> bool {
         env::var("RAYO_STRICT").is_ok_and(|value| value == "1")
     }
@@ -383,17 +417,26 @@ mod native {
     fn fail(what: &str, detail: &str) -> ! {
         println!("cargo::error={what}");
         for line in detail.lines().filter(|line| !line.trim().is_empty()) {
-            println!("cargo::error=({line})");
+            println!("cargo::error=  {line}");
         }
-        std::process::exit(1);
+        // Cargo fails the build for the errors alone; after another status it would print all that
+        // this script has printed.
+        std::process::exit(0);
     }
 }
 
-/// Reads the `struc` blocks of asm/include and writes them as records for Rust, and their offsets for C.
+/// What NASM says of a mistake, shortened.
+#[cfg(feature = "asm")]
+#[path = "build/nasm_error.rs"]
+mod nasm_error;
+
+/// Makes the tables of source lines.
 #[cfg(all(feature = "asm", feature = "lab"))]
 #[path = "build/listing.rs"]
 mod listing;
 
+/// Reads the `struc` blocks of asm/include and writes them as records for Rust, and their offsets
+/// for C.
 mod layout {
     use std::fmt::Write as _;
     use std::fs;
@@ -416,7 +459,8 @@ mod layout {
         name: String,
         comment: String,
         offset: usize,
-        /// 1, 4 or 8 bytes; where it is 1, the structure is of elements, f32 or f64, and so are offset and size.
+        /// 1, 4 or 8 bytes; where it is 1, the structure is of elements, f32 or f64, and so are
+        /// offset and size.
         unit: usize,
         count: usize,
     }
@@ -427,8 +471,8 @@ mod layout {
     }
 
     impl Struc {
-        /// Its definition by a macro of src/kernels/records.rs; if its fields have types of their own, which Rust
-        /// defines, their offsets for `layout_checks!`.
+        /// Its definition by a macro of src/kernels/records.rs; if its fields have types of their
+        /// own, which Rust defines, their offsets for `layout_checks!`.
         fn to_rust(&self) -> String {
             let Struc { name, comment, fields, size } = self;
             let (unit, count) = (fields[0].unit, fields[0].count);

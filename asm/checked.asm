@@ -181,6 +181,19 @@ FUNC checked_call
     pop     rbx
 ENDFUNC
 
+; Where a call goes on after its kernel has crashed: the handler of the signal (src/kernels/crash.rs) lets the thread
+; continue here, whatever the kernel left in the registers. The call returns as if no rule had been broken.
+FUNC checked_crashed
+    mov     rsp, [home]
+    ldmxcsr [mxcsr]
+    xor     r10d, r10d
+    cmp     qword [vectors], 16
+    je      .report
+    vzeroupper
+.report:
+    jmp     rayo_checked_call.report
+    END
+
 ; The broken kernels: each breaks exactly one rule, so that every check is seen to fail.
 
 ; BROKEN_REGISTER - a kernel that does not restore a register.
@@ -219,4 +232,47 @@ ENDFUNC
 
 FUNC broken_upper
     vpcmpeqd ymm15, ymm15, ymm15
+ENDFUNC
+
+; The broken operations, `fn(out: *mut f32, a: *const Vec4, b: *const Vec4)` as rayo_paper_dot: one mistake each.
+
+FUNC broken_dot_wrong                   ; forgets the second horizontal addition
+    movaps  xmm0, [rsi]
+    mulps   xmm0, [rdx]
+    haddps  xmm0, xmm0
+    movss   [rdi], xmm0
+ENDFUNC
+
+FUNC broken_dot_rbx                     ; the right result, and a register that is not restored
+    movaps  xmm0, [rsi]
+    mulps   xmm0, [rdx]
+    haddps  xmm0, xmm0
+    haddps  xmm0, xmm0
+    movss   [rdi], xmm0
+    xor     ebx, ebx
+ENDFUNC
+
+FUNC broken_dot_address                 ; reads where nothing is
+    movaps  xmm0, [rsi]
+    xor     eax, eax
+    mulps   xmm0, [rax + 64]
+    movss   [rdi], xmm0
+ENDFUNC
+
+FUNC broken_dot_alignment               ; reads a vector across its alignment
+    movaps  xmm0, [rsi + 4]
+    movss   [rdi], xmm0
+ENDFUNC
+
+FUNC broken_dot_instruction             ; has an instruction that no CPU has
+    movaps  xmm0, [rsi]
+    ud2
+    movss   [rdi], xmm0
+ENDFUNC
+
+FUNC broken_dot_division                ; divides by 0 in a general register
+    xor     edx, edx
+    xor     ecx, ecx
+    div     ecx
+    movss   [rdi], xmm0
 ENDFUNC

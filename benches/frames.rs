@@ -1,17 +1,19 @@
-//! Whole frames, one group per scene, with a row for each engine and pixel format that this machine has.
+//! Whole frames, one group per scene, with a row for each engine and pixel format that this machine
+//! has.
 //!
-//! `frame`: one thread, into memory that was touched before, 320 x 240 pixels. `many`: from the parsed scene to the last of
-//! 1632 x 1224 pixels in RGBA8, set-up included, by the packets; by the fastest in `double` and on two threads too. criterion runs the rows one after the other;
-//! ratios to rely on come from `rayo experiment`, which interleaves its contestants.
+//! `frame`: one thread, into memory that was touched before, 320 x 240 pixels. `many`: from the
+//! parsed scene to the last of 1632 x 1224 pixels in RGBA8, set-up included, by the packets; by the
+//! fastest in `double` and on two threads too. criterion runs the rows one after the other; ratios
+//! to rely on come from `rayo experiment`, which interleaves its contestants.
 
 use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
-use rayo::plan::Keep;
-use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings};
-use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{Camera, Light, MeshFormat, Scene, Setting, Sphere, Triangle, many};
+use rayo::internals::plan::Keep;
+use rayo::internals::render::{Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings};
+use rayo::internals::scene::mesh::shapes::icosphere;
+use rayo::internals::scene::{Camera, Light, MeshFormat, Scene, Setting, Sphere, Triangle, many};
 
 const SEED: u64 = 1;
 
@@ -86,7 +88,7 @@ fn many_objects(c: &mut Criterion) {
     let mesh = |count| {
         let mesh = icosphere(count, 0.3, SEED);
         let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
-        let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh".to_owned(), camera));
+        let scene = setting.and_then(|setting| setting.scene(mesh, "mesh".to_owned()));
         scene.expect("a mesh of ordinary size")
     };
     for (name, scene) in [
@@ -106,7 +108,8 @@ fn many_objects(c: &mut Criterion) {
             group.bench_function(format!("{engine}{named}/{threads}"), |bencher| {
                 bencher.iter(|| {
                     let format = Some(PixelFormat::Rgba8);
-                    let purpose = Purpose { precision, format, keep: Keep::NOTHING, threads, in_bands: false };
+                    let purpose =
+                        Purpose { precision, format, keep: Keep::NOTHING, threads, cancel: None, in_bands: false };
                     let plan = Plan::new(engine, &scene, purpose).expect("a scene that engines take");
                     let frame = Frame::new(plan.tracer(), camera, Settings { threads }).expect("threads");
                     frame.trace(0..camera.height(), film.as_mut(), &|_| ()).unwrap();

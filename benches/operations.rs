@@ -2,19 +2,20 @@
 //!
 //! The rows are C, both forms of the macros, the scalar twin, and glam where it has the operation.
 //!
-//! A row goes through 64 inputs, so that nothing is computed beforehand, and writes 64 results: on some CPUs one place
-//! on the stack, written by a kernel and read by its caller each time, costs more than the operation. The kernels'
-//! functions are called, not inlined: `rayo ops` has what the operations take within a kernel. criterion runs the rows
-//! one after the other; ratios to rely on come from `rayo experiment`, which interleaves its contestants.
+//! A row goes through 64 inputs, so that nothing is computed beforehand, and writes 64 results: on
+//! some CPUs one place on the stack, written by a kernel and read by its caller each time, costs
+//! more than the operation. The kernels' functions are called, not inlined: `rayo ops` has what the
+//! operations take within a kernel. criterion runs the rows one after the other; ratios to rely on
+//! come from `rayo experiment`, which interleaves its contestants.
 
 use std::hint::black_box;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3A;
-use rayo::kernels::{self, AosKernels, Light, Op, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
-use rayo::reference::aos::{self, Form};
-use rayo::scene::Rng;
+use rayo::internals::kernels::{self, AosKernels, Light, Op, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
+use rayo::internals::reference::aos::{self, Form};
+use rayo::internals::scene::Rng;
 
 const INPUTS: usize = 64;
 const SEED: u64 = 1;

@@ -1,7 +1,9 @@
-//! The table of source lines: for each instruction of a unit the macros that it came from, from NASM's own listing.
+//! The table of source lines: for each instruction of a unit the macros that it came from, from
+//! NASM's own listing.
 //!
-//! A listing has, for each line, its number in its file, the offset and bytes of its code if any, its depth of nesting,
-//! and its text; and before the lines of a macro, the call with its parameters expanded:
+//! A listing has, for each line, its number in its file, the offset and bytes of its code if any,
+//! its depth of nesting, and its text; and before the lines of a macro, the call with its
+//! parameters expanded:
 //!
 //! ```text
 //!    29                              <2>  VEC_DOT %%k, %%k, %%s
@@ -9,10 +11,12 @@
 //!   109 000210FD 450F59D2            <3>  mulps %%d, %%b
 //! ```
 //!
-//! NASM 2.15 has a call with its parameters one deeper, and continues counting lines where it includes a file.
+//! NASM 2.15 has a call with its parameters one deeper, and continues counting lines where it
+//! includes a file.
 //!
-//! `src/measure/source.rs` reads the table: numbers of seven bits a byte, the lowest first, the eighth bit meaning that
-//! more follow; and strings, each after its length. It consists of, each list after its length,
+//! `lab/src/measure/source.rs` reads the table: numbers of seven bits a byte, the lowest first, the
+//! eighth bit meaning that more follow; and strings, each after its length. It consists of, each
+//! list after its length,
 //!
 //! ```text
 //! strings
@@ -190,7 +194,8 @@ fn read_sources(strings: &mut Strings) -> Sources {
 #[derive(Default)]
 struct Shifts {
     of_files: HashMap<usize, usize>,
-    /// The open files: the depth of the line that includes each, and how many lines too many it has.
+    /// The open files: the depth of the line that includes each, and how many lines too many it
+    /// has.
     open: Vec<(usize, usize)>,
     /// The previous line's file, if it includes one.
     included: Option<(usize, usize, usize)>,
@@ -218,8 +223,8 @@ impl Shifts {
     }
 }
 
-/// Whether `function` exists only for a measurement: a chain of one operation, or the tracer whose operations are out
-/// of line.
+/// Whether `function` exists only for a measurement: a chain of one operation, or the tracer whose
+/// operations are out of line.
 fn is_measured(function: &str) -> bool {
     function.ends_with("_latency") || function.ends_with("_throughput") || function.starts_with("calls_")
 }

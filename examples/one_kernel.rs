@@ -1,11 +1,14 @@
-//! One kernel called on vectors: the dot product as the paper's C, as the paper's macro, and in packets of each width.
+//! One kernel called on vectors: the dot product as the paper's C, as the paper's macro, and in
+//! packets of each width.
 //!
-//! `cargo run --release --example one_kernel`. Calls are safe: a table of kernels exists only if the CPU supports them,
-//! and a kernel compares lengths before it starts. It needs the library with the features `asm` and `c`; a build
-//! without one of them, or for another CPU than x86-64, has fewer tables.
+//! `cargo run --release -p rayo --example one_kernel` runs it. Calls are safe: a table of kernels
+//! exists only if the CPU supports them, and a kernel compares lengths before it starts. It needs
+//! the library with the features `asm` and `c`; a build without one of them, or for another CPU
+//! than x86-64, has fewer tables. Unlike the other examples it reaches into the crate:
+//! `rayo::internals` is no part of what its documentation lists, and may change with any version.
 
 use rayo::glam::Vec3;
-use rayo::kernels::{Isa, Vec4, c, packet_ops, paper};
+use rayo::internals::kernels::{Isa, Vec4, c, packet_ops, paper};
 
 /// The products of each pair, by the name of the kernel.
 type Products = Vec<(&'static str, Vec<f32>)>;

@@ -1,21 +1,37 @@
-//! Rows of a picture from your own threads: a prepared engine writes any rows, in any order, from any thread.
+//! Rows of a picture from your own threads: a prepared engine writes any rows, in any order, from
+//! any thread.
 //!
-//! `cargo run --release --example rows_from_threads`. In this way a renderer can use another scheduler, or trace first
-//! what matters most. It needs only the library, without its default features.
+//! `cargo run --release -p rayo --example rows_from_threads` runs it. In this way a renderer can
+//! use another scheduler, or trace first what matters most. It needs only the library, without its
+//! default features.
 
 use std::error::Error;
 use std::sync::Mutex;
 use std::thread;
 
-use rayo::kernels::Vec4;
-use rayo::render::{FilmMut, Tracer};
-use rayo::scene::many;
-use rayo::{Engine, Scene};
+use rayo::glam::Vec3;
+use rayo::{Camera, Engine, FilmMut, Light, Scene, Sphere, Tracer, Vec4};
 
-/// All rows by this many threads, each of which takes the next few rows when it has finished its last.
+/// A spiral of balls that goes away from the camera.
+fn spiral(balls: u16, camera: Camera) -> Scene {
+    let ball = |n: u16| {
+        let (sin, cos) = (0.7 * f32::from(n)).sin_cos();
+        let centre = Vec3::new(2.0 * cos, 2.0 * sin, 4.0 + 0.1 * f32::from(n));
+        Sphere { radius: 0.4, colour: Vec3::new(1.0, 0.7, 0.3), centre }
+    };
+    Scene {
+        lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-3.0, 5.0, 0.0) }],
+        spheres: (0..balls).map(ball).collect(),
+        ..Scene::new(camera)
+    }
+}
+
+/// All rows by this many threads, each of which takes the next few rows when it has finished its
+/// last.
 fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {
     let (width, height) = (scene.camera.width() as usize, scene.camera.height());
-    // Any number would do. An engine that works in tiles is fastest with as many rows as a tile has, or a multiple.
+    // Any number would do. An engine that works in tiles is fastest with as many rows as a tile
+    // has, or a multiple.
     let together = tracer.rows_together();
     let mut picture = vec![Vec4::default(); width * height as usize];
     let pieces = Mutex::new((0..height).step_by(together as usize).zip(picture.chunks_mut(together as usize * width)));
@@ -25,7 +41,8 @@ fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {
             scope.spawn(|| {
                 while let Some((start, pixels)) = next() {
                     let rows = start..height.min(start + together);
-                    // The buffer is as long as the rows, and its type decides the pixel format: here linear colours.
+                    // The buffer is as long as the rows, and its type decides the pixel format:
+                    // here linear colours.
                     tracer.rows(rows, FilmMut::F32x4(pixels));
                 }
             });
@@ -40,7 +57,7 @@ fn mean(picture: &[Vec4]) -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let (scene, engine) = (many(300, 300, 1), Engine::fastest());
+    let (scene, engine) = (spiral(300, Camera::new(800, 600, 1.0, 1.0)?), Engine::fastest());
     let tracer = engine.prepare(None, &scene)?;
     for threads in [1, 2, 3] {
         println!("{engine}, threads: {threads}, mean red {:.6}", mean(&render(&*tracer, &scene, threads)));
@@ -49,10 +66,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn however_many_threads_there_are_the_picture_is_that_of_one_call() {
+fn threads_change_no_picture() {
     // 70 rows: not a whole number of tiles.
-    let camera = rayo::scene::Camera::new(90, 70, 1.0, 1.0).unwrap();
-    let scene = Scene { camera, ..many(40, 40, 1) };
+    let scene = spiral(40, Camera::new(90, 70, 1.0, 1.0).unwrap());
     for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
         let tracer = engine.prepare(None, &scene).unwrap();
         let mut whole = vec![Vec4::default(); scene.camera.pixels() as usize];

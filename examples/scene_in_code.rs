@@ -1,7 +1,9 @@
-//! A scene built in code and rendered into a buffer on every core: no file is read and none is written.
+//! A scene built in code and rendered into a buffer on every core: no file is read and none is
+//! written.
 //!
-//! `cargo run --release --example scene_in_code` shows it in letters. It needs only the library: `rayo = { version =
-//! "0.1", default-features = false, features = ["asm", "c"] }`, or without these the engines in Rust.
+//! `cargo run --release -p rayo --example scene_in_code` shows it in letters. It needs only the
+//! library: `rayo = { path = "../rayo", default-features = false, features = ["asm", "c"] }`, or
+//! without these features the engines in Rust.
 
 use std::error::Error;
 use std::thread::available_parallelism;
@@ -9,7 +11,8 @@ use std::thread::available_parallelism;
 use rayo::glam::Vec3;
 use rayo::{Camera, Engine, Film, Frame, Light, PixelFormat, Scene, Settings, Sphere, Triangle};
 
-/// A ball above a floor, under one light. The pinhole is at the origin; x points to the right, y up, and z away.
+/// A ball above a floor, under one light. The pinhole is at the origin; x points to the right, y
+/// up, and z away.
 fn ball() -> Result<Scene, Box<dyn Error>> {
     let [near, far] = [2.0, 30.0].map(|z| [-20.0, 20.0].map(|x| Vec3::new(x, -1.5, z)));
     let grey = Vec3::splat(0.6);
@@ -29,7 +32,8 @@ fn ball() -> Result<Scene, Box<dyn Error>> {
 
 /// The picture by an engine: linear red, green and blue of every pixel, row by row.
 fn render(scene: &Scene, engine: Engine) -> Result<Film, Box<dyn Error>> {
-    // The plan decides which work this scene does not need. An invalid scene, with a NaN for example, is an error.
+    // The plan decides which work this scene does not need. An invalid scene, with a NaN for
+    // example, is an error.
     let tracer = engine.prepare(None, scene)?;
     let threads = available_parallelism()?.get();
     // The threads of a frame are kept for its next picture; the closure is for a progress bar.
@@ -54,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn every_engine_that_runs_here_shows_the_ball_in_front_of_the_floor_below_an_empty_sky() {
+fn engines_show_the_ball_on_the_floor_below_the_sky() {
     let scene = ball().unwrap();
     for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
         let picture = letters(&render(&scene, *engine).unwrap(), &scene.camera);

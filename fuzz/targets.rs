@@ -1,20 +1,25 @@
-//! What is fuzzed: each function hands bytes to a parser, and panics where what comes back is unsound.
+//! What is fuzzed: each function hands bytes to a parser, and panics where what comes back is
+//! unsound.
 
 use std::path::Path;
 
-use rayo::render::{ImageError, ImageFile};
-use rayo::scene::{Mesh, MeshFormat, Scene, SceneError, parse, parse_toml};
+use rayo::{Cloud, CloudFormat, Mesh, MeshFormat, Scene, SceneError, View, parse, parse_toml};
+use rayo::{ImageError, ImageFile};
 
 /// What takes any bytes.
 pub type Target = fn(&[u8]);
 
 /// The targets by their names, which are those of the folders in fuzz/corpus.
-pub const TARGETS: [(&str, Target); 12] = [
+pub const TARGETS: [(&str, Target); 16] = [
     ("scene_in", scene_in),
     ("scene_toml", scene_toml),
     ("mesh_obj", mesh_obj),
     ("mesh_ply", mesh_ply),
     ("mesh_stl", mesh_stl),
+    ("mesh_gltf", mesh_gltf),
+    ("cloud_xyz", cloud_xyz),
+    ("cloud_pdb", cloud_pdb),
+    ("cloud_cif", cloud_cif),
     ("image_exr", image),
     ("image_hdr", image),
     ("image_pfm", image),
@@ -41,8 +46,10 @@ pub fn scene_toml(source: &[u8]) {
     let nowhere = Path::new("/nowhere/at/all");
     match parse_toml(source, "fuzz.toml", nowhere) {
         Ok(opened) => {
+            // It is written as the camera sees it, whose place in the world is not.
+            let seen = Scene { view: View::default(), ..opened.scene.clone() };
             let again = parse_toml(opened.scene.to_toml().as_bytes(), "again.toml", nowhere).unwrap();
-            assert_eq!(again.scene, opened.scene);
+            assert_eq!(again.scene, seen);
             sound(&opened.scene);
         }
         Err(error) => explained(&error, source),
@@ -62,6 +69,44 @@ pub fn mesh_ply(source: &[u8]) {
 /// STL, text and binary.
 pub fn mesh_stl(source: &[u8]) {
     mesh(source, MeshFormat::Stl);
+}
+
+/// glTF, in JSON and binary.
+pub fn mesh_gltf(source: &[u8]) {
+    mesh(source, MeshFormat::Gltf);
+}
+
+/// XYZ, of atoms or points.
+pub fn cloud_xyz(source: &[u8]) {
+    cloud(source, CloudFormat::Xyz);
+}
+
+/// The format of the Protein Data Bank.
+pub fn cloud_pdb(source: &[u8]) {
+    cloud(source, CloudFormat::Pdb);
+}
+
+/// CIF, of proteins or crystals.
+pub fn cloud_cif(source: &[u8]) {
+    cloud(source, CloudFormat::Cif);
+}
+
+fn cloud(source: &[u8], format: CloudFormat) {
+    for frame in [None, Some(2)] {
+        match Cloud::from_bytes(source, format, frame, "fuzz") {
+            Ok(cloud) => {
+                let count = cloud.centres.len();
+                let spheres = cloud.spheres(None);
+                assert!(count > 0 && spheres.len() == count);
+                assert!(spheres.iter().all(|sphere| sphere.centre.is_finite() && sphere.colour.is_finite()));
+                assert!(spheres.iter().all(|sphere| sphere.radius > 0.0 && sphere.radius.is_finite()));
+            }
+            Err(error) => {
+                let text = error.to_string();
+                assert!(text.starts_with("fuzz") && text.len() < 4000 && !text.contains(['\n', '\x1b']), "{text:?}");
+            }
+        }
+    }
 }
 
 fn mesh(source: &[u8], format: MeshFormat) {

@@ -82,7 +82,7 @@ if ready aarch64-unknown-linux-gnu aarch64-linux-gnu-gcc:gcc-aarch64-linux-gnu q
     cargo build --release --locked --target aarch64-unknown-linux-gnu
     play_arm() { qemu-aarch64 "$target/aarch64-unknown-linux-gnu/release/rayo" "$@"; }
     pictures play_arm
-    RAYO_RUNNER=qemu-aarch64 cargo test --release --locked --target aarch64-unknown-linux-gnu --test pictures
+    RAYO_RUNNER=qemu-aarch64 cargo test --release --locked --target aarch64-unknown-linux-gnu -p rayo-lab --test pictures
 fi
 
 [ -z "$lacking" ] || { say "Not tried:$lacking"; [ "$strict" != --strict ] || fail "with --strict nothing may be missing"; }

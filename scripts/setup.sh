@@ -1,6 +1,6 @@
 #!/bin/sh
 # setup.sh - sees to it that the build has what it needs: NASM 2.15 or newer, a C compiler, the C library's headers; and
-# called with the word mpi, what the feature of that name needs too: Open MPI with its headers, and libclang.
+# called with the word mpi, what the program rayo-mpi needs too: Open MPI with its headers, and libclang.
 #
 # Silent where all is there. What is missing comes from the machine's package manager: as root, or else with sudo. Where
 # neither is to be had, Debian's and Ubuntu's NASM is unpacked into target/tools without any rights, and for anything else
@@ -194,7 +194,7 @@ advise() {
         [ -z "$command" ] || say "  $command"
     done
     # rustc needs cc to link.
-    [ "$*" != nasm ] || say "Or build without it: cargo build --release --no-default-features --features c,cli"
+    [ "$*" != nasm ] || say "Or build without it: cargo build --release --no-default-features --features c"
     exit 1
 }
 

@@ -3,7 +3,7 @@
 #
 # They come from Debian's suites, each with its own libraries, into target/toolchains: nothing is installed, and apt's own
 # lists stay as they are. DEBIAN names a mirror where this machine's apt has none. Every NASM assembles every unit for ELF,
-# Win64 and Mach-O, and tests/kernels/formats.rs holds all of that against the objects of the build; every compiler
+# Win64 and Mach-O, and lab/tests/kernels/formats.rs holds all of that against the objects of the build; every compiler
 # compiles the C with its rungs. Then qemu-user plays CPUs old and new, on which pictures must be those of this one.
 #
 # At the end it says what could not be had or tried; with --strict that is an error.
@@ -142,13 +142,13 @@ for suite in $suites; do
         done
     done
 done | xargs -P "$(nproc)" -I {} sh -c '{} || { echo "failed: {}"; exit 255; }' || fail "a NASM refused a unit: see above"
-RAYO_OBJECTS=$home/objects cargo test -q --release --locked --test kernels formats:: </dev/null
+RAYO_OBJECTS=$home/objects cargo test -q --release --locked -p rayo-lab --test kernels formats:: </dev/null
 
 say "Building with every NASM, whose listing names the source of each instruction, and with every C compiler:"
 for suite in $suites; do
     [ -e "$home/$suite/unpacked" ] || continue
     for compiler in $(compilers "$suite"); do
-        RAYO_STRICT=$(warnings "$suite" build) NASM=$home/$suite/root/usr/bin/nasm CC=$compiler cargo check -q --locked --lib --target-dir "$home/cargo" \
+        RAYO_STRICT=$(warnings "$suite" build) NASM=$home/$suite/root/usr/bin/nasm CC=$compiler cargo check -q --locked -p rayo --lib --target-dir "$home/cargo" \
             --no-default-features --features asm,c,lab </dev/null || fail "$compiler and the NASM of Debian $suite do not build the library"
     done
 done

@@ -1,6 +1,8 @@
-//! `rayo`: the paper *Trazado de rayos vectorizado* in NASM, C and Rust, from a scene file to a picture.
+//! `rayo`: the paper *Trazado de rayos vectorizado* in NASM, C and Rust, from a scene file to a
+//! picture.
 //!
-//! Without default features it has scenes, the plan, engines and films; `asm`, `c`, `files`, `lab`, `cli` add the rest.
+//! Without default features it has scenes, the plan, engines and films. The features `asm` and `c`
+//! add engines, `files` adds the reading and writing of files.
 //!
 //! A scene that is built in code, traced by the fastest engine that runs here:
 //!
@@ -35,14 +37,33 @@
 //! # }
 //! ```
 //!
-//! [`Frame`] traces the same by many threads, [`Scene::seen_from`] moves the camera, [`Developed`] takes more samples of
-//! each pixel, and with the feature `files` there are `read` and `render_to_file`, from a scene file to an image file.
+//! From there on:
 //!
-//! `ARCHITECTURE.md` has the layers and the reasons; imports go only downwards:
-//! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
+//! - **many threads**: [`Frame`] has them trace a picture, and keeps them for the next one;
+//! - **files**: with the feature `files`, `read` gives the scene of a file and `render_to_file`
+//!   writes an image, which `examples/scene_to_png.rs` shows;
+//! - **a camera that moves**: [`MovingCamera`] sees the same world from view to view, [`Plan`] is
+//!   made anew for each, with the format of the film and the number of threads as its [`Purpose`],
+//!   and the [`Film`] is used again. A scene from a file moves in the coordinates of that file;
+//! - **a window**: [`PixelFormat::Bgra8`] is what windows take, and a [`Cancel`] stops a frame when
+//!   its user has moved on. `view/` in the repository is such a program;
+//! - **what is under a pixel**: [`Frame::hit`] returns the object, the place and the normal;
+//! - **a picture for the eye**: [`Developed`] takes several samples of each pixel, and applies
+//!   exposure and the curve of sRGB.
+//!
+//! Whatever a program has set in its floating-point unit (flushed denormal numbers, another
+//! rounding, traps), the pictures are the same: each call sets what Rust assumes, and puts back at
+//! its end what was there.
+//!
+//! Nothing here needs `unsafe` of its caller. `ARCHITECTURE.md` in the repository has the layers
+//! and the reasons.
 
-// The example of the README is a test.
-#[cfg(all(doctest, feature = "cli"))]
+// What the first page names is documented; behind it, comments say what a name does not.
+#![warn(missing_docs)]
+
+// The example of the README is compiled by a test, and `examples/scene_to_png.rs` does more of the
+// same.
+#[cfg(all(doctest, feature = "files"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
@@ -50,40 +71,55 @@ struct Readme;
 pub use glam;
 
 // All that a program needs to have a scene traced.
-pub use kernels::Vec4;
-pub use plan::{Keep, Omission, Report};
+pub use kernels::{ColourRun, Isa, Vec4};
+pub use plan::{ByTiles, Cancel, Keep, Kept, LeftOut, Omission, Report, Switch};
 pub use render::{
     Colour, Counted, Developed, Development, Distance, Engine, EngineError, Film, FilmMut, Found, Frame, Hit, NoMemory,
-    PixelFormat, Plan, Precision, Purpose, RenderError, Settings, Tracer, WrongSize, level,
+    PixelFormat, Plan, Precision, Purpose, RenderError, Settings, Tracer, Wanted, WrongSize, level,
 };
 #[cfg(feature = "files")]
-pub use render::{Existing, Format, ImageError, ImageFile, ImageWriter, OutputError, Stats, render as render_to_file};
+pub use render::{
+    Existing, Format, ImageError, ImageFile, ImageWriter, OutputError, Picture, Pixels, Stats, render as render_to_file,
+};
 pub use scene::{
-    Camera, CameraError, Diagnostic, Faces, InvalidScene, Light, Mesh, MeshError, MeshFormat, MovingCamera, Object,
-    Opened, Scene, SceneError, Sphere, Triangle, View, ViewError, parse,
+    Camera, CameraError, Diagnostic, Faces, FileCamera, FileLight, InvalidScene, Light, MAX_PIXELS, MAX_SIDE, Mesh,
+    MeshError, MeshFormat, ModelOptions, MovingCamera, Object, Opened, Placement, Scene, SceneError, Sphere, ToCamera,
+    Triangle, UpAxis, View, ViewError, parse,
 };
 #[cfg(feature = "files")]
-pub use scene::{SceneFormat, open, read};
+pub use scene::{Cloud, CloudFormat, SceneFormat, open, open_with, parse_toml, read};
 
-// The rooms of the house. The program, its tests, its benches and its examples reach into them; they may change at any time.
-#[cfg(feature = "render")]
+#[allow(missing_docs)]
+mod kernels;
+#[allow(missing_docs)]
+mod plan;
+#[allow(missing_docs)]
+mod reference;
+mod render;
+mod scene;
+
+/// The modules behind this page, for the other packages of the workspace and for tests. They are no
+/// part of the interface, and may change at any time.
 #[doc(hidden)]
-pub mod cli;
-#[cfg(feature = "lab")]
-#[doc(hidden)]
-pub mod experiments;
-#[doc(hidden)]
-pub mod kernels;
-#[doc(hidden)]
-pub mod measure;
-#[doc(hidden)]
-pub mod plan;
-#[cfg(feature = "mpi")]
-#[doc(hidden)]
-pub mod ranks;
-#[doc(hidden)]
-pub mod reference;
-#[doc(hidden)]
-pub mod render;
-#[doc(hidden)]
-pub mod scene;
+pub mod internals {
+    /// Kernels in assembly and C behind safe functions, and system calls.
+    pub mod kernels {
+        pub use crate::kernels::*;
+    }
+    /// From a scene to a plan.
+    pub mod plan {
+        pub use crate::plan::*;
+    }
+    /// The scalar meaning of every operation and intersection.
+    pub mod reference {
+        pub use crate::reference::*;
+    }
+    /// From a plan to rows of pixels and image files.
+    pub mod render {
+        pub use crate::render::*;
+    }
+    /// Scenes and the files that they are read from.
+    pub mod scene {
+        pub use crate::scene::*;
+    }
+}

@@ -21,8 +21,7 @@
 ;
 ; The labels .body and .body_end enclose the operation itself, without its loads and stores.
 
-; AOS_OPERATIONS - the list of all operations but lambert2: a line for each, which is what AOS_OP takes, and CHAINS of
-;                  chains.asm.
+; AOS_OPERATIONS - the list of all operations: a line for each, which is what AOS_OP takes, and CHAINS of chains.asm.
 %macro AOS_OPERATIONS 1
 %define %%each %1       ; [in]  the macro that takes the lines
     %%each add, vector, other, xmm0, {movaps xmm1, [rdx]}, {}, xmm0, movaps, {VEC_ADD xmm0, xmm1}
@@ -38,6 +37,8 @@
         {TRIANGLE_HIT xmm1, xmm2, xmm3, xmm0, rdx, .miss, xmm4, xmm5, xmm6, xmm7, xmm8, xmm9, xmm10}
     %%each lambert, surface, light, xmm1, {movaps xmm2, [rsi + Surface.normal]}, {BLACK}, xmm0, movaps, \
         {LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], 1, xmm3, xmm4, xmm5, xmm6}
+    %%each lambert2, surface, light, xmm1, {movaps xmm2, [rsi + Surface.normal]}, {BLACK}, xmm0, movaps, \
+        {LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], 2, xmm3, xmm4, xmm5, xmm6}
 %endmacro
 
 ; BLACK - the colour that the light is added to, and the zero that LAMBERT takes.
@@ -77,6 +78,4 @@ ENDFUNC
 ; AOS_OPS - the functions of this file, for one form.
 %macro AOS_OPS 0
     AOS_OPERATIONS AOS_OP
-    AOS_OP  lambert2, surface, light, xmm1, {movaps xmm2, [rsi + Surface.normal]}, {BLACK}, xmm0, movaps, \
-        {LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], 2, xmm3, xmm4, xmm5, xmm6}
 %endmacro

@@ -20,7 +20,7 @@
 ;   registers      rdi out, rsi a, rdx b, rcx packets left, v0 to v2 a, v3 to v5 b
 ;                  where the record's fields are constants, rdx and rdi are exchanged
 ;   requires       the CPUID features of the ISA
-;   equals         tests::kernels::operations::on_packets::twin, to the last bit
+;   equals         experiments::check::twins::of_packets, to the last bit
 ;
 ; Assembled once per ISA and element type: rayo_<isa>_<single or double>_<name>. The labels .body and .body_end enclose
 ; the operation itself, without its loads and stores.

@@ -15,7 +15,7 @@
 ;                  rsi lists, rdx row, rcx end, r8 out, r14 frame, rbx column, r9 columns left
 ;                  v0 v1 v2 the ray, v3 t
 ;   requires       the CPUID features of the ISA; lists aligned to VBYTES; width >= 1; row < end
-;   equals         tests::kernels::operations::on_packets::t_of_sphere
+;   equals         experiments::check::twins::t_of_sphere
 
 ; K(i) is number i of the object's record, in every lane: where operands cannot broadcast, it is there LANES times.
 %if HAS_MASKS
@@ -108,7 +108,7 @@
 %macro LANES_TRACER 0
 %assign ESTIMATE 0
 %if HAS_MASKS
-%define K(i) dword [rdi + ELEM * (i)] {1to16}
+%define K(i) dword [rdi + ELEM * (i)] TO_ALL_LANES
 %else
 %define K(i) [rdi + VBYTES * (i)]
 %endif

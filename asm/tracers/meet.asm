@@ -1,9 +1,10 @@
 ; meet.asm - which objects may hide a light from which points of a tile: those that a group of points meets.
 ;
 ; A group meets an object if their bounds do, as the light sees both, and if it is not the one that all of its points
-; belong to: blocks of 16 objects are tested for LANES groups at once, then 16 objects for each group. A triangle must
-; also have an open point of the group within its edges, and not one of its own: c + a x + b y is at least 0, eq. 10 in
-; the light's picture. What may be rounded is in c, so that none is culled that hides a point; few are left for f64.
+; belong to: blocks of 16 objects are tested for LANES groups at once, then 16 objects for each group. The object must
+; also have an open point of the group within it, and not one of its own: a triangle within its edges, where c + a x +
+; b y is at least 0, eq. 10 in the light's picture; a sphere within its bounds. What may be rounded is in c and in the
+; bounds, so that none is culled that hides a point; few are left for f64.
 ;
 ; Assembled once per ISA, in f32. unsafe extern "sysv64" fn(task: *const MeetTask) -> u64
 ;
@@ -61,12 +62,101 @@
     VFMA    %%d, v1, ONE, v13
 %endmacro
 
+; WITHIN_EDGES - the mask = the points at v0 v1 that are within the edges of the triangle at rcx. Clobbers v6 to v8,
+;                v13, v14.
+;
+;   equals         kernels::portable::shadows::within_edges
+%macro WITHIN_EDGES 0
+    EDGE_OF_CASTER v6, 1
+    EDGE_OF_CASTER v7, 2
+    EDGE_OF_CASTER v8, 3
+    VMIN    v6, v6, v7
+    VMIN    v6, v6, v8
+    MASK_NOT_LESS v6, [PACKET(zeros)]
+%endmacro
+
+; WITHIN_BOUNDS - the mask = the points at v0 v1 that are within the bounds of the object at rcx. Clobbers v6 to v8.
+;
+;   The difference of two floats has the sign of their order, also where it is rounded.
+;
+;   instructions   sse41 17   avx2 12   avx512 12
+;   critical path  load -> sub -> min -> min
+;   equals         kernels::portable::shadows::within_bounds
+%macro WITHIN_BOUNDS 0
+    VSPREAD v6, [rcx + CasterBounds.x]
+    VADD    v6, v6, v0                  ; the least x is negated
+    VSPREAD v7, [rcx + CasterBounds.y]
+    VADD    v7, v7, v1
+    VMIN    v6, v6, v7
+    VSPREAD v7, [rcx + CasterBounds.past_x]
+    VSUB    v7, v7, v0
+    VSPREAD v8, [rcx + CasterBounds.past_y]
+    VSUB    v8, v8, v1
+    VMIN    v7, v7, v8
+    VMIN    v6, v6, v7
+    MASK_NOT_LESS v6, [PACKET(zeros)]
+%endmacro
+
+; KEEP_WITHIN - of the pairs from r14 to r15 keeps those whose group has an open point within the
+;               object, which is not its own, and leaves their end in r11. The numbers of objects are
+;               indices of what is at r9. Clobbers rax, rcx, rdx, r8, r10, r14 and v0 to v8, v13, v14.
+%macro KEEP_WITHIN 2
+%define %%record %1     ; [in]       CasterEdges or CasterBounds
+%define %%within %2     ; [in]       WITHIN_EDGES or WITHIN_BOUNDS
+    mov     r11, r14
+    jmp     %%next
+align 16
+%%pair:
+    mov     r10d, [r14]
+    movzx   ecx, r10b
+    mov     edx, r10d
+    mov     eax, ecx
+    shr     edx, ilog2e(MOST_CASTERS)
+    shr     ecx, 4
+    and     eax, 15
+    imul    ecx, ecx, %%record %+ _size
+    mov     r8d, [rsi + 4 * rdx + LitGroups.open]
+    lea     rcx, [rcx + 4 * rax]
+    shl     edx, ilog2e(4 * GROUP)
+    add     rcx, r9
+    add     rdx, [rdi + MeetTask.points]
+    add     r14, 4
+%assign %%first 0
+%rep GROUP / LANES
+    VMOV    v0, [rdx + TilePoints.seen + 4 * %%first]
+    VMOV    v1, [rdx + TilePoints.seen + 4 * TILE_WIDTH * TILE_HEIGHT + 4 * %%first]
+    %%within
+    VSPREAD v6, [rcx + %%record %+ .own]
+    MASK_AND_UNEQUAL v6, [rdx + TilePoints.own + 4 * %%first], v13
+    MASK_BITS eax
+%if %%first > 0
+    shl     eax, %%first
+%endif
+    test    r8d, eax
+    jnz     %%keep
+%assign %%first %%first + LANES
+%endrep
+%%next:
+    cmp     r14, r15
+    jb      %%pair
+    jmp     %%done
+%%keep:
+    mov     [r11], r10d
+    add     r11, 4
+    jmp     %%next
+%%done:
+%endmacro
+
 ; MEET - the function.
 %macro MEET 0
 FUNC ISA %+ _meet
     ENTER_OWNED 4 * TILE_WIDTH * TILE_HEIGHT / GROUP, VBYTES
     mov     rax, [rdi + MeetTask.groups]
-    xor     r12d, r12d
+    mov     r12d, [rdi + MeetTask.first]
+    mov     r14d, [rdi + MeetTask.end]
+    shl     r12d, 2
+    shl     r14d, 2
+    and     r12d, -VBYTES               ; whole registers of groups
 .groups:
 %assign %%n 0
 %rep 5
@@ -88,11 +178,13 @@ FUNC ISA %+ _meet
     jnz     .groups_block
     VMOV_TO [BLOCKS + r12], v9
     add     r12d, VBYTES
-    cmp     r12d, 4 * TILE_WIDTH * TILE_HEIGHT / GROUP
+    cmp     r12d, r14d
     jb      .groups
 
-    xor     r12d, r12d
-    xor     r13d, r13d
+    mov     r12d, [rdi + MeetTask.first]
+    mov     r13d, r12d
+    shl     r12d, 2
+    shl     r13d, ilog2e(MOST_CASTERS)
     mov     r15, [rdi + MeetTask.met]
 .group:
     mov     rax, [rdi + MeetTask.groups]
@@ -115,7 +207,7 @@ FUNC ISA %+ _meet
     or      ecx, r13d
     add     r9, [rdi + MeetTask.bounds]
     and     ebx, eax
-%if HAS_MASKS
+%if HAS_MASKS && LANES == 16            ; a block fills a register
     MEETS   r9, 6, 0
     MASK_BITS eax
     vpbroadcastd v6, ecx
@@ -148,61 +240,22 @@ FUNC ISA %+ _meet
 .next_group:
     add     r13d, MOST_CASTERS
     add     r12, 4
-    cmp     r12d, 4 * TILE_WIDTH * TILE_HEIGHT / GROUP
+    cmp     r12d, r14d
     jb      .group
 
-    mov     r9, [rdi + MeetTask.edges]
-    mov     r14, [rdi + MeetTask.met]
-    test    r9, r9
-    jz      .done
+    cmp     qword [rdi + MeetTask.points], 0
+    je      .done
     mov     rsi, [rdi + MeetTask.groups]
-    mov     r11, r14
-    jmp     .next
-align 16
-.pair:
-    mov     r10d, [r14]
-    movzx   ecx, r10b
-    mov     edx, r10d
-    mov     eax, ecx
-    shr     edx, ilog2e(MOST_CASTERS)
-    shr     ecx, 4
-    and     eax, 15
-    imul    ecx, ecx, CasterEdges_size
-    mov     r8d, [rsi + 4 * rdx + LitGroups.open]
-    lea     rcx, [rcx + 4 * rax]
-    shl     edx, ilog2e(4 * GROUP)
-    add     rcx, r9
-    add     rdx, [rdi + MeetTask.points]
-    add     r14, 4
-%assign %%first 0
-%rep GROUP / LANES
-    VMOV    v0, [rdx + TilePoints.seen + 4 * %%first]
-    VMOV    v1, [rdx + TilePoints.seen + 4 * TILE_WIDTH * TILE_HEIGHT + 4 * %%first]
-    EDGE_OF_CASTER v6, 1
-    EDGE_OF_CASTER v7, 2
-    EDGE_OF_CASTER v8, 3
-    VMIN    v6, v6, v7
-    VMIN    v6, v6, v8
-    MASK_NOT_LESS v6, [PACKET(zeros)]
-    VSPREAD v6, [rcx + CasterEdges.own]
-    MASK_AND_UNEQUAL v6, [rdx + TilePoints.own + 4 * %%first], v13
-    MASK_BITS eax
-%if %%first > 0
-    shl     eax, %%first
-%endif
-    test    r8d, eax
-    jnz     .within
-%assign %%first %%first + LANES
-%endrep
-.next:
-    cmp     r14, r15
-    jb      .pair
-    jmp     .pairs_done
-.within:
-    mov     [r11], r10d
-    add     r11, 4
-    jmp     .next
-.pairs_done:
+    mov     r14, [rdi + MeetTask.met]
+    mov     r9, [rdi + MeetTask.edges]
+    test    r9, r9
+    jz      .of_spheres
+    KEEP_WITHIN CasterEdges, WITHIN_EDGES
+    jmp     .kept
+.of_spheres:
+    mov     r9, [rdi + MeetTask.bounds]
+    KEEP_WITHIN CasterBounds, WITHIN_BOUNDS
+.kept:
     mov     r15, r11
 .done:
     mov     rax, r15

@@ -63,7 +63,7 @@ align 16
     dec     rax
     jnz     .many
 .few:
-%if HAS_MASKS
+%if VBYTES == 64
     vextracti64x4 h0, v2, 1
     vpminud h2, h2, h0
     vextracti64x4 h0, v3, 1

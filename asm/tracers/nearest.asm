@@ -12,7 +12,9 @@
 ; pays to test near objects first.
 ;
 ; One predicate decides whether a ray hits: in the elements of the kernel with their rounding bound, and where that
-; leaves a doubt in f64, by the reference's operations in the reference's order. So bounds save work and lose no hit.
+; leaves a doubt in f64. For triangles that is by the reference's operations in the reference's order; for spheres by
+; its formula for those further away than sqrt 2 radii, with one rounding more. So bounds save work and lose no hit:
+; docs/no-hit-is-lost.md.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
@@ -576,7 +578,7 @@ align 16
     mov     [r8 + WHO + ELEM * (rax + MIDDLE)], %%d14
     jmp     .next_found
 
-    ; The lanes of r9d are within the rounding of an edge.
+    ; The lanes of r9d are within the rounding of an edge or of D.
 .lanes_doubt:
     SPILL
     mov     [SAVED_R14], r14
@@ -772,7 +774,7 @@ align 16
     jnz     .first
     jmp     .next_block
 
-    ; The lanes of r9d are within the rounding of an edge: each is decided in f64, as the reference does.
+    ; The lanes of r9d are within the rounding of an edge or of D: each is decided in f64.
 .doubt:
     MASK_BITS eax
     SPILL

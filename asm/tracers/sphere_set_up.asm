@@ -106,21 +106,31 @@
 ;   D = d.d - |c x d|^2, divided by k and the radius: quadratic in the pixel, and without cancellation for a far sphere.
 ;   Pixels count from an origin in the picture, so that the terms are no larger than D is within the picture: where that
 ;   shows only a piece of the limb, D is small and keeps all its digits.
+;
+;   k = c.c - 1 is ((cz - 1) (cz + 1) + cx^2) + cy^2, with cz - 1 from z - r, which is exact where they are near each
+;   other: all terms are positive, so that k keeps its digits where the camera is next to the sphere.
 ;   equals      kernels::portable::spheres::InFront
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + SphereArrays.radius]
     WIDEN   v0, [r8 + SphereArrays.x]
     WIDEN   v1, [r8 + SphereArrays.y]
     WIDEN   v2, [r8 + SphereArrays.z]
+    VSUB    v5, v2, v3
     VDIV    v0, v0, v3
     VDIV    v1, v1, v3
     VDIV    v2, v2, v3
+    VDIV    v5, v5, v3
     VMOV_TO W(ux), v0
     VMOV_TO W(uy), v1
     VMOV_TO W(uz), v2
     DOT3_UNFUSED v4, v0, v1, v2, v0, v1, v2, v9, v9
     VMOV_TO W(cc), v4
-    VSUB    v4, v4, [PACKET(ones)]
+    VADD    v4, v2, [PACKET(ones)]
+    VMUL    v4, v4, v5
+    VMUL    v9, v0, v0
+    VADD    v4, v4, v9
+    VMUL    v9, v1, v1
+    VADD    v4, v4, v9
     VMOV_TO W(k), v4
     VMUL    v9, v4, v3
     KLOAD   v12, SphereView.scale

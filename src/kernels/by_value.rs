@@ -1,4 +1,5 @@
-//! The paper's C as small functions that take vectors by value, at each optimisation level: only to be counted.
+//! The paper's C as small functions that take vectors by value, at each optimisation level: only to
+//! be counted.
 
 use super::isa::psabi_level;
 use super::types::{Light, PaperSphere, PaperTriangle, Vec4};
@@ -42,7 +43,8 @@ macro_rules! by_value {
             $($(#[$doc])*
             #[inline]
             pub fn $name(&self, $($arg: $type),*) -> $out {
-                // SAFETY: values, and references that prove their addresses; by_value() has checked the CPU.
+                // SAFETY: values, and references that prove their addresses; by_value() has checked
+                // the CPU.
                 unsafe { (self.$name)($($arg),*) }
             })*
         }
@@ -84,8 +86,8 @@ by_value! {
     "O0" "O1" "O2" "O3" "native"
 }
 
-/// The functions at a level. None if the CPU lacks the instructions they were compiled for, or if there is no such
-/// level, as in a build without C.
+/// The functions at a level. None if the CPU lacks the instructions they were compiled for, or if
+/// there is no such level, as in a build without C.
 pub fn by_value(level: &str) -> Option<&'static ByValue> {
     let functions = LEVELS.iter().find(|functions| functions.level == level)?;
     (*functions.needs <= psabi_level()).then_some(functions)

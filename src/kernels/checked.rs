@@ -1,11 +1,14 @@
-//! A kernel as the machine sees it, and checked calls, which test whether it keeps the calling convention.
+//! A kernel as the machine sees it, and checked calls, which test whether it keeps the calling
+//! convention.
 
+use std::fmt;
 use std::sync::Mutex;
 
+use super::crash::{self, Crash};
 use super::isa::detected;
 
-/// Gives a type, a definition, or foreign declarations the convention of all kernels: System V's on x86-64, on every
-/// operating system, and that of C elsewhere.
+/// Gives a type, a definition, or foreign declarations the convention of all kernels: System V's on
+/// x86-64, on every operating system, and that of C elsewhere.
 #[cfg(target_arch = "x86_64")]
 macro_rules! convention {
     ($($of:tt)*) => { with_abi! { "sysv64" $($of)* } };
@@ -27,8 +30,9 @@ macro_rules! with_abi {
 /// The arguments of the convention: six registers. A kernel reads as many as its kind fills.
 pub(super) type Registers = [u64; 6];
 
-/// The address of a kernel. All are declared alike: filling more registers than a kernel reads, or reading a result
-/// that it does not return, does no harm, since the convention lets a callee leave anything in these.
+/// The address of a kernel. All are declared alike: filling more registers than a kernel reads, or
+/// reading a result that it does not return, does no harm, since the convention lets a callee leave
+/// anything in these.
 pub(super) type Code = convention!(type(u64, u64, u64, u64, u64, u64) -> u64);
 
 /// A rule of the calling convention that a kernel broke, in the order of the bits in checked.asm.
@@ -56,6 +60,24 @@ pub enum Fault {
     Mxcsr,
     /// Left the upper parts of vector registers dirty: `vzeroupper` is missing.
     Upper,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Fault::Rbx => "rbx is not preserved",
+            Fault::Rbp => "rbp is not preserved",
+            Fault::R12 => "r12 is not preserved",
+            Fault::R13 => "r13 is not preserved",
+            Fault::R14 => "r14 is not preserved",
+            Fault::R15 => "r15 is not preserved",
+            Fault::Rsp => "rsp is not as it was at the call",
+            Fault::Stack => "the caller's stack frame is overwritten",
+            Fault::Direction => "the direction flag is left set",
+            Fault::Mxcsr => "the control bits of MXCSR are changed",
+            Fault::Upper => "the upper parts of vector registers are left dirty: vzeroupper is missing",
+        })
+    }
 }
 
 impl Fault {
@@ -99,20 +121,36 @@ pub(super) fn vector_bytes() -> u64 {
 /// FTZ and DAZ of MXCSR: denormal results and operands are taken for 0.
 const NO_DENORMALS: u64 = 0x8040;
 
-/// Calls a kernel with junk in every register that it must preserve; returns its result, and the rules it broke.
-/// Denormal numbers may be switched off while the kernel runs, never for Rust code, whose compiler would not know.
+/// What a checked call of a kernel returned.
+pub(super) struct Returned {
+    pub(super) result: u64,
+    /// The rules of the calling convention that it broke.
+    pub(super) faults: Vec<Fault>,
+}
+
+/// Calls a kernel with junk in every register that it must preserve; returns its result, and the
+/// rules it broke. Denormal numbers may be switched off while the kernel runs, never for Rust code,
+/// whose compiler would not know.
+///
+/// # Errors
+/// The crash of a kernel that did not return.
 ///
 /// # Safety
 /// `kernel` takes these registers, and everything that its own contract requires holds.
-pub(super) unsafe fn call(kernel: Code, mut registers: Registers, without_denormals: bool) -> (u64, Vec<Fault>) {
+pub(super) unsafe fn call(
+    kernel: Code,
+    mut registers: Registers,
+    without_denormals: bool,
+) -> Result<Returned, Box<Crash>> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let found = {
         let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mxcsr = if without_denormals { NO_DENORMALS } else { 0 };
-        // SAFETY: the kernel and its registers by this function's contract; the width is that of this CPU; the bits unmask no
-        // exception; the statics of the harness are behind the lock.
-        unsafe { rayo_checked_call(kernel, &mut registers, vector_bytes(), mxcsr) }
+        // SAFETY: the kernel and its registers by this function's contract; the width is that of
+        // this CPU; the bits unmask no exception; the statics of the harness are behind the lock,
+        // and the call is the one that they are of.
+        unsafe { crash::caught(|| rayo_checked_call(kernel, &mut registers, vector_bytes(), mxcsr)) }?
     };
     let faults = Fault::ALL.iter().enumerate().filter(|(bit, _)| found >> bit & 1 == 1).map(|(_, fault)| *fault);
-    (registers[0], faults.collect())
+    Ok(Returned { result: registers[0], faults: faults.collect() })
 }

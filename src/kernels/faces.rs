@@ -11,11 +11,12 @@ const _: () = assert!(size_of::<[u32; 3]>() == FACE_BYTES && size_of::<Vec3>() =
 /// The index one past a run of consecutive faces of one colour, and that colour.
 pub type ColourRun = (usize, Vec3);
 
-/// Triangles that share their corners: each has the indices of three vertices, from 0. Kernels rely on all being in
-/// range.
+/// Triangles that share their corners: each has the indices of three vertices, from 0. Kernels rely
+/// on all being in range.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faces {
-    /// One more follows the last of them, since kernels read 4 bytes past it; but empty if there are no faces.
+    /// One more follows the last of them, since kernels read 4 bytes past it; but empty if there
+    /// are no faces.
     vertices: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
     colours: Vec<ColourRun>,
@@ -50,7 +51,8 @@ impl Faces {
         Faces { vertices, colours, corners }
     }
 
-    /// Appends the faces of `other`, unless there would be too many vertices: then these stay unchanged.
+    /// Appends the faces of `other`, unless there would be too many vertices: then these stay
+    /// unchanged.
     #[must_use]
     pub fn append(&mut self, mut other: Faces) -> bool {
         let (before, vertices) = (self.corners.len(), self.vertices().len());
@@ -118,7 +120,7 @@ impl Faces {
 
     /// A face as a triangle.
     pub fn get(&self, face: usize) -> Triangle {
-        Triangle { colour: run_of_colour(&self.colours, face).1, vertices: self.corners_of(face) }
+        Triangle { colour: run_of_colour(&self.colours, face).colour, vertices: self.corners_of(face) }
     }
 
     /// All of them as triangles.
@@ -126,9 +128,13 @@ impl Faces {
         (0..self.len()).map(|face| self.get(face))
     }
 
-    /// The vertices, with the padding after them, and the colours.
-    pub(super) fn parts(&self) -> (&[Vec3], &[ColourRun]) {
-        (&self.vertices, &self.colours)
+    /// The vertices, with the padding after them.
+    pub(super) fn padded_vertices(&self) -> &[Vec3] {
+        &self.vertices
+    }
+
+    pub(super) fn colours(&self) -> &[ColourRun] {
+        &self.colours
     }
 
     /// Its corners.
@@ -137,10 +143,16 @@ impl Faces {
     }
 }
 
-/// The colour of a face, and the end of its run.
-pub(super) fn run_of_colour(colours: &[ColourRun], face: usize) -> (Range<usize>, Vec3) {
+/// Faces of the same colour that follow each other.
+pub(super) struct FacesOfColour {
+    pub(super) faces: Range<usize>,
+    pub(super) colour: Vec3,
+}
+
+/// The run of a face.
+pub(super) fn run_of_colour(colours: &[ColourRun], face: usize) -> FacesOfColour {
     let run = colours.partition_point(|(end, _)| *end <= face);
     let (end, colour) = colours[run];
     let start = if run == 0 { 0 } else { colours[run - 1].0 };
-    (start..end, colour)
+    FacesOfColour { faces: start..end, colour }
 }

@@ -1,4 +1,5 @@
-//! The list of all kernels: a line for each makes its foreign declaration, its place in a table, and its symbol.
+//! The list of all kernels: a line for each makes its foreign declaration, its place in a table,
+//! and its symbol.
 
 use std::collections::BTreeSet;
 
@@ -13,12 +14,12 @@ use super::records::{
 use super::shadows::{Cast, Casters, Meet, Points, Seen};
 use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
-use super::vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
+use super::vec3::{Chain, Chains, PacketChains, PacketOp, PacketOpCode, Shape};
 
-/// Declares tables of kernels, and macros of the same names that make one. Such a macro takes the prefix of all
-/// symbols, the suffix of those with estimates, the name of those for equal channels, the lanes of a packet, and
-/// whether products and sums are fused. After a name, `fast` adds the suffix, `grey` is that name, or another table
-/// follows.
+/// Declares tables of kernels, and macros of the same names that make one. Such a macro takes the
+/// prefix of all symbols, the suffix of those with estimates, the name of those for equal channels,
+/// the lanes of a packet, and whether products and sums are fused. After a name, `fast` adds the
+/// suffix, `grey` is that name, or another table follows.
 macro_rules! tables {
     ($d:tt $(
         $(#[$doc:meta])*
@@ -74,7 +75,8 @@ macro_rules! tables {
 }
 
 tables! { $
-    /// The kernels of a sphere seen from outside under one light, for all outputs. The light does not exceed white.
+    /// The kernels of a sphere seen from outside under one light, for all outputs. The light does
+    /// not exceed white.
     struct LitBodies<E: Element> {
         /// To linear floats.
         f32x4: ShadeRows<E, Vec4> = "_f32x4";
@@ -148,7 +150,7 @@ tables! { $
 }
 
 /// By [`Isa`], with the lanes of f32.
-pub(super) static PACKETS: [PacketKernels; 3] = [
+pub(super) static PACKETS: [PacketKernels; Isa::ALL.len()] = [
     PacketKernels!("rayo_sse41_", "", "", (4, false)),
     PacketKernels!("rayo_avx2_", "", "", (8, true)),
     PacketKernels!("rayo_avx512_", "", "", (16, true)),
@@ -169,14 +171,15 @@ const fn numbers<R>() -> usize {
     size_of::<R>() / size_of::<f32>()
 }
 
-/// Declares the table of kernels that hold one vector in one register, and macros that make one, and tables of the
-/// operations on packets and of chains, from their symbols' prefix.
+/// Declares the table of kernels that hold one vector in one register, and macros that make one,
+/// and tables of the operations on packets and of chains, from their symbols' prefix.
 macro_rules! operations {
     ($d:tt $(
         $(#[$doc:meta])*
         $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty $(, packets of $numbers:literal, $record:expr => $results:literal)?;
     )*) => {
-        /// Kernels that hold one vector in one register: the paper's operations, its intersections, its tracer.
+        /// Kernels that hold one vector in one register: the paper's operations, its intersections,
+        /// its tracer.
         pub struct AosKernels {
             $($(#[$doc])* pub $name: Op<$a, $b, $out>,)*
             /// Algorithm 1: rows of four floats a pixel.
@@ -188,7 +191,16 @@ macro_rules! operations {
             pub fn ops(&self) -> impl Iterator<Item = (&'static str, OpRef)> {
                 [$((stringify!($name), OpRef::$kind(self.$name))),*].into_iter()
             }
+
+            /// The symbol and the address of each of its functions.
+            pub fn functions(&self) -> impl Iterator<Item = (&'static str, usize)> {
+                let trace = (self.trace.symbol(), self.trace.address());
+                [$((self.$name.symbol(), self.$name.address()),)* trace].into_iter()
+            }
         }
+
+        /// Every operation, by name.
+        pub const ALL_OPERATIONS: [&str; [$(stringify!($name)),*].len()] = [$(stringify!($name)),*];
 
         /// The operations that packets have too, by name.
         pub const OPERATIONS: [&str; [$($($numbers,)?)*].len()] = [$($(operations!(@name $name $numbers),)?)*];
@@ -214,22 +226,33 @@ macro_rules! operations {
             };
         }
 
-        /// From the suffix after the operation's name too.
-        macro_rules! chains {
-            ($d prefix:expr, $d after:literal) => {
+        /// Chains of the operations on packets.
+        macro_rules! chains_of_packet_ops {
+            ($d prefix:literal) => {
                 [$($(Chains {
                     op: operations!(@name $name $numbers),
-                    latency: kernel!(concat!($d prefix, stringify!($name), $d after, "_latency")),
-                    throughput: kernel!(concat!($d prefix, stringify!($name), $d after, "_throughput")),
+                    latency: kernel!(concat!($d prefix, stringify!($name), "3_latency")),
+                    throughput: kernel!(concat!($d prefix, stringify!($name), "3_throughput")),
                 },)?)*]
+            };
+        }
+
+        /// Chains of all operations on single vectors.
+        macro_rules! chains_of_aos_ops {
+            ($d prefix:literal) => {
+                [$(Chains {
+                    op: stringify!($name),
+                    latency: kernel!(concat!($d prefix, stringify!($name), "_latency")),
+                    throughput: kernel!(concat!($d prefix, stringify!($name), "_throughput")),
+                },)*]
             };
         }
     };
     (@name $name:ident $numbers:literal) => { stringify!($name) };
 }
 
-// After the kind of an operation: the elements of b in a packet for each vector, and of its record; and the elements of
-// the result for each vector.
+// After the kind of an operation: the elements of b in a packet for each vector, and of its record;
+// and the elements of the result for each vector.
 operations! { $
     /// a + b.
     add: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
@@ -245,9 +268,11 @@ operations! { $
     cross: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
     /// a / ||a||; b is not read.
     normalise: Vector(Vec4, Vec4) -> Vec4, packets of 0, 0 => 3;
-    /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none: eq. 5.
+    /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none:
+    /// eq. 5.
     sphere: Sphere(Vec4, PaperSphere) -> f32, packets of 0, numbers::<SphereHit<f32>>() => 1;
-    /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6, 9, 10.
+    /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6,
+    /// 9, 10.
     triangle: Triangle(Vec4, PaperTriangle) -> f32, packets of 0, numbers::<TriangleHit<f32>>() => 1;
     /// The light that b adds to the surface a on the side of its normal: eq. 11.
     lambert: Lambert(Surface, Light) -> Vec4, packets of 0, numbers::<ObjectLight<f32>>() => 3;
@@ -271,7 +296,8 @@ pub fn paper() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&PAPER)
 }
 
-/// The same kernels with the best forms of dot, norm and cross that we know. None if the CPU lacks SSE4.1.
+/// The same kernels with the best forms of dot, norm and cross that we know. None if the CPU lacks
+/// SSE4.1.
 pub fn aos() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&AOS)
 }
@@ -287,25 +313,25 @@ pub fn hits_of_paper() -> Option<Hits> {
 }
 
 /// By [`Isa`].
-static SINGLE: [[PacketOp<f32>; OPERATIONS.len()]; 3] =
+static SINGLE: [[PacketOp<f32>; OPERATIONS.len()]; Isa::ALL.len()] =
     [packet_ops!("rayo_sse41_single_", 4), packet_ops!("rayo_avx2_single_", 8), packet_ops!("rayo_avx512_single_", 16)];
-static DOUBLE: [[PacketOp<f64>; OPERATIONS.len()]; 3] =
+static DOUBLE: [[PacketOp<f64>; OPERATIONS.len()]; Isa::ALL.len()] =
     [packet_ops!("rayo_sse41_double_", 2), packet_ops!("rayo_avx2_double_", 4), packet_ops!("rayo_avx512_double_", 8)];
 
 macro_rules! packet_chains {
     ($prefix:literal) => {
         PacketChains {
-            chains: &chains!($prefix, "3"),
+            chains: &chains_of_packet_ops!($prefix),
             feedback: kernel!(concat!($prefix, "feedback_latency")),
             muladd: kernel!(concat!($prefix, "muladd_throughput")),
         }
     };
 }
 
-static PACKET_CHAINS: [PacketChains; 3] =
+static PACKET_CHAINS: [PacketChains; Isa::ALL.len()] =
     [packet_chains!("rayo_sse41_single_"), packet_chains!("rayo_avx2_single_"), packet_chains!("rayo_avx512_single_")];
-static PAPER_CHAINS: [Chains; OPERATIONS.len()] = chains!("rayo_paper_", "");
-static AOS_CHAINS: [Chains; OPERATIONS.len()] = chains!("rayo_aos_", "");
+static PAPER_CHAINS: [Chains; ALL_OPERATIONS.len()] = chains_of_aos_ops!("rayo_paper_");
+static AOS_CHAINS: [Chains; ALL_OPERATIONS.len()] = chains_of_aos_ops!("rayo_aos_");
 
 /// The feedback of the latency chains of one vector, alone. It needs no more than x86-64.
 pub fn feedback() -> Option<Chain> {
@@ -317,17 +343,29 @@ pub trait PacketElement: Element {
     /// See [`packet_ops`].
     #[doc(hidden)]
     fn table(isa: Isa) -> Option<&'static [PacketOp<Self>]>;
+
+    /// See [`packet_op_codes`].
+    #[doc(hidden)]
+    fn codes(isa: Isa) -> Vec<PacketOpCode>;
 }
 
 impl PacketElement for f32 {
     fn table(isa: Isa) -> Option<&'static [PacketOp<f32>]> {
         isa.usable().then_some(&SINGLE[isa as usize])
     }
+
+    fn codes(isa: Isa) -> Vec<PacketOpCode> {
+        SINGLE[isa as usize].iter().map(PacketOp::code).collect()
+    }
 }
 
 impl PacketElement for f64 {
     fn table(isa: Isa) -> Option<&'static [PacketOp<f64>]> {
         isa.usable().then_some(&DOUBLE[isa as usize])
+    }
+
+    fn codes(isa: Isa) -> Vec<PacketOpCode> {
+        DOUBLE[isa as usize].iter().map(PacketOp::code).collect()
     }
 }
 
@@ -336,12 +374,18 @@ pub fn packet_ops<E: PacketElement>(isa: Isa) -> Option<&'static [PacketOp<E>]> 
     E::table(isa)
 }
 
+/// The code of the packet operations of an ISA, whether this CPU supports it or not.
+pub fn packet_op_codes<E: PacketElement>(isa: Isa) -> Vec<PacketOpCode> {
+    E::codes(isa)
+}
+
 /// The symbols of all packet operations in this build, whether this CPU supports them or not.
 pub fn packet_op_symbols() -> impl Iterator<Item = &'static str> {
     SINGLE.iter().flatten().map(PacketOp::symbol).chain(DOUBLE.iter().flatten().map(PacketOp::symbol))
 }
 
-/// Chains of the operations on packets. None if the CPU or the operating system does not support the ISA.
+/// Chains of the operations on packets. None if the CPU or the operating system does not support
+/// the ISA.
 pub fn chains_of_packets(isa: Isa) -> Option<&'static PacketChains> {
     isa.usable().then(|| &PACKET_CHAINS[isa as usize])
 }

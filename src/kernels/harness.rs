@@ -1,4 +1,5 @@
-//! What tests need to try kernels and checks: kernels that break the rules, functions to count, copies of the process.
+//! What tests need to try kernels and checks: kernels that break the rules, functions to count,
+//! copies of the process.
 
 #[cfg(unix)]
 use std::io;
@@ -6,9 +7,12 @@ use std::io;
 use std::panic::{self, AssertUnwindSafe};
 
 use super::checked::{Fault, vector_bytes};
+use super::floats::StandardFloats;
 use super::kernel::{Kernel, kernel};
 pub use super::kernel::{checked, faults, without_denormals};
-pub use super::portable::{lanes, packets as portable_packets};
+use super::paper::Op;
+pub use super::portable::{lanes, nearest, packets as portable_packets, rows, set_up, shade, shadows, spheres};
+use super::types::Vec4;
 
 /// A kernel without arguments that breaks one rule on purpose.
 pub struct Broken {
@@ -53,6 +57,22 @@ broken! {
     "rayo_broken_direction" breaks Direction;
     "rayo_broken_mxcsr" breaks Mxcsr;
     "rayo_broken_upper" breaks Upper;
+}
+
+macro_rules! broken_dots {
+    ($($symbol:literal;)*) => {
+        /// Kernels that are to compute `dot`, each with its own mistake.
+        pub static BROKEN_DOTS: &[Op<Vec4, Vec4, f32>] = &[$(kernel!($symbol)),*];
+    };
+}
+
+broken_dots! {
+    "rayo_broken_dot_wrong";
+    "rayo_broken_dot_rbx";
+    "rayo_broken_dot_address";
+    "rayo_broken_dot_alignment";
+    "rayo_broken_dot_instruction";
+    "rayo_broken_dot_division";
 }
 
 /// A function without arguments, and its instruction counts.
@@ -104,13 +124,41 @@ known! {
     "rayo_known_call": 2, executed 2, elsewhere 9;
 }
 
+/// How a host has set floating-point arithmetic before it calls us.
+#[cfg(target_arch = "x86_64")]
+pub struct HostFloats {
+    pub name: &'static str,
+    /// MXCSR.
+    pub control: u32,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl HostFloats {
+    /// What hosts are known to do.
+    pub const ALL: [HostFloats; 5] = [
+        HostFloats { name: "denormal numbers flushed to zero", control: 0x9fc0 },
+        HostFloats { name: "rounding upwards", control: 0x5f80 },
+        HostFloats { name: "rounding downwards", control: 0x3f80 },
+        HostFloats { name: "rounding towards zero", control: 0x7f80 },
+        HostFloats { name: "traps of invalid operations, divisions by zero and overflow", control: 0x1900 },
+    ];
+
+    /// Does `work`, which only calls what sets [`StandardFloats`] itself, in a thread that such a
+    /// host has called.
+    pub fn call<R>(&self, work: impl FnOnce() -> R) -> R {
+        let _host = StandardFloats::of(self.control);
+        work()
+    }
+}
+
 /// Whether a copy of this process returns from `action`; false if a fault ends it.
 ///
 /// # Safety
 /// `action` only computes: in the copy no other thread runs, so that a lock may never be released.
 #[cfg(unix)]
 pub unsafe fn survives(action: impl FnOnce()) -> io::Result<bool> {
-    // SAFETY: the child does nothing but `action`, which by this function's contract computes only, and _exit.
+    // SAFETY: the child does nothing but `action`, which by this function's contract computes only,
+    // and _exit.
     match unsafe { libc::fork() } {
         -1 => Err(io::Error::last_os_error()),
         0 => {

@@ -1,8 +1,10 @@
-//! The instruction sets that kernels are written for, and whether this CPU and its operating system run them.
+//! The instruction sets that kernels are written for, and whether this CPU and its operating system
+//! run them.
 
 use std::fmt;
 
-/// Whether the CPU has all of these, and the operating system saves their registers. A CPU that is not x86 has none.
+/// Whether the CPU has all of these, and the operating system saves their registers. A CPU that is
+/// not x86 has none.
 macro_rules! detected {
     ($($feature:tt)*) => {{
         #[cfg(target_arch = "x86_64")]
@@ -26,7 +28,7 @@ pub(super) fn psabi_level() -> u32 {
     1 + levels.into_iter().take_while(|has| *has).count() as u32
 }
 
-/// An instruction set, in ascending order of width.
+/// An instruction set. Of two in this list the later is the faster one, where a CPU has both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Isa {
     /// SSE4.1: 128-bit registers.
@@ -38,7 +40,7 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// Every one, narrowest first.
+    /// Every one, in the order of their indices in tables.
     pub const ALL: [Isa; 3] = [Isa::Sse41, Isa::Avx2, Isa::Avx512];
 
     /// The name that users type and that is part of kernels' symbols.
@@ -50,9 +52,13 @@ impl Isa {
         }
     }
 
-    /// Elements of f32 in a register: each is twice as wide as the one before.
+    /// Elements of f32 in a register: `LANES` of its unit, where elements have four bytes.
     pub fn lanes(self) -> usize {
-        4 << self as usize
+        match self {
+            Isa::Sse41 => 4,
+            Isa::Avx2 => 8,
+            Isa::Avx512 => 16,
+        }
     }
 
     /// Whether this build has its kernels.
@@ -60,7 +66,8 @@ impl Isa {
         cfg!(rayo_asm)
     }
 
-    /// Whether this build has its kernels, the CPU their instructions, and the operating system saves their registers.
+    /// Whether this build has its kernels, the CPU their instructions, and the operating system
+    /// saves their registers.
     pub fn usable(self) -> bool {
         self.built()
             && match self {

@@ -1,10 +1,13 @@
-//! A kernel and its calls, checked and not: an entry of `kinds!` defines the arguments of a kind and their registers.
+//! A kernel and its calls, checked and not: an entry of `kinds!` defines the arguments of a kind
+//! and their registers.
 
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::marker::PhantomData;
+use std::panic::{self, AssertUnwindSafe};
 
 use super::checked::{self, Code, Fault, Registers};
+use super::crash::Crash;
 
 /// A kind of kernels, as `kinds!` defines it.
 pub trait Kind {
@@ -43,11 +46,64 @@ pub(super) enum Way<C, B> {
     Rust(B),
 }
 
+/// A function that calls a kernel, and returns the result.
+#[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
+pub(super) type Call = unsafe fn(Code, Registers) -> u64;
+
+/// How a thread calls kernels.
+#[derive(Clone, Copy)]
+enum Calls {
+    Direct,
+    /// By the code in checked.asm, with denormal numbers switched off in them or not.
+    Checked {
+        without_denormals: bool,
+    },
+    /// By a function that calls them.
+    #[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
+    Through(Call),
+}
+
 thread_local! {
-    /// Whether this thread's calls are checked, and if so whether denormal numbers are switched off in them.
-    static CHECKED: Cell<Option<bool>> = const { Cell::new(None) };
-    /// The rules that each checked call has broken.
-    static FOUND: RefCell<Vec<(&'static str, Vec<Fault>)>> = const { RefCell::new(Vec::new()) };
+    /// How this thread calls them.
+    static HOW: Cell<Calls> = const { Cell::new(Calls::Direct) };
+    /// The number of checked calls that came back.
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+    /// The first of them that broke a rule.
+    static BROKEN: RefCell<Vec<CheckedCall>> = const { RefCell::new(Vec::new()) };
+}
+
+/// The most broken calls that are kept.
+const MOST_BROKEN: usize = 1000;
+
+/// A checked call that broke a rule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CheckedCall {
+    pub symbol: &'static str,
+    pub broken: Vec<Fault>,
+}
+
+/// A kernel that did not come back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crashed {
+    pub symbol: &'static str,
+    pub crash: Crash,
+}
+
+/// Some work with kernels, of which every call was checked.
+#[derive(Clone, Debug)]
+pub struct Examined<R> {
+    /// What the work returned, unless a kernel crashed, which ended it.
+    pub result: Result<R, Box<Crashed>>,
+    /// The number of calls that came back.
+    pub calls: u64,
+    /// Those that broke a rule, in order: the first of them, if there are many.
+    pub broken: Vec<CheckedCall>,
+}
+
+impl<R> Examined<R> {
+    fn expect_result(self) -> R {
+        self.result.unwrap_or_else(|crashed| panic!("{} crashed: {:x?}", crashed.symbol, crashed.crash))
+    }
 }
 
 impl<K: Kind> Kernel<K> {
@@ -113,16 +169,22 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
 /// The registers hold the arguments of its kind.
 #[inline]
 unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
-    if let Some(without_denormals) = CHECKED.get() {
+    match HOW.get() {
+        Calls::Direct => {
+            let [a, b, c, d, e, f] = registers;
+            // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
+            unsafe { code(a, b, c, d, e, f) }
+        }
         // SAFETY: as here.
-        return unsafe { enter_checked(code, symbol, registers, without_denormals) };
+        Calls::Checked { without_denormals } => unsafe { enter_checked(code, symbol, registers, without_denormals) },
+        #[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
+        // SAFETY: as here.
+        Calls::Through(call) => unsafe { call(code, registers) },
     }
-    let [a, b, c, d, e, f] = registers;
-    // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
-    unsafe { code(a, b, c, d, e, f) }
 }
 
-/// As [`enter`], out of line, for a rare case.
+/// As [`enter`], out of line, for a rare case. A crash of the kernel unwinds from here, to
+/// [`examine`].
 ///
 /// # Safety
 /// As that of [`enter`].
@@ -130,9 +192,20 @@ unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
 #[inline(never)]
 unsafe fn enter_checked(code: Code, symbol: &'static str, registers: Registers, without_denormals: bool) -> u64 {
     // SAFETY: as in enter.
-    let (result, found) = unsafe { checked::call(code, registers, without_denormals) };
-    FOUND.with_borrow_mut(|of_calls| of_calls.push((symbol, found)));
-    result
+    match unsafe { checked::call(code, registers, without_denormals) } {
+        Ok(checked::Returned { result, faults: broken }) => {
+            CALLS.set(CALLS.get() + 1);
+            if !broken.is_empty() {
+                BROKEN.with_borrow_mut(|calls| {
+                    if calls.len() < MOST_BROKEN {
+                        calls.push(CheckedCall { symbol, broken });
+                    }
+                });
+            }
+            result
+        }
+        Err(crash) => panic::resume_unwind(Box::new(Crashed { symbol, crash: *crash })),
+    }
 }
 
 /// Does `work` with all foreign code that this thread calls in it checked.
@@ -140,11 +213,11 @@ unsafe fn enter_checked(code: Code, symbol: &'static str, registers: Registers, 
 /// # Panics
 /// If some breaks the calling convention.
 pub fn checked<R>(work: impl FnOnce() -> R) -> R {
-    unbroken(checking(false, work))
+    unbroken(examine(work))
 }
 
-/// The same, with denormal numbers switched off in that code, as results and operands (FTZ and DAZ of MXCSR): to show that
-/// nothing depends on them.
+/// The same, with denormal numbers switched off in that code, as results and operands (FTZ and DAZ
+/// of MXCSR): to show that nothing depends on them.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
     unbroken(checking(true, work))
 }
@@ -154,31 +227,57 @@ pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
 /// # Panics
 /// If it calls none.
 pub fn faults(work: impl FnOnce()) -> Vec<Fault> {
-    let ((), of_calls) = checking(false, work);
-    assert!(!of_calls.is_empty(), "a call that has something to do");
-    of_calls.into_iter().flat_map(|(_, faults)| faults).collect()
+    let examined = examine(work);
+    let broken: Vec<_> = examined.broken.iter().flat_map(|call| &call.broken).copied().collect();
+    assert!(examined.calls > 0 || examined.result.is_err(), "a call that has something to do");
+    examined.expect_result();
+    broken
 }
 
-fn unbroken<R>((result, mut of_calls): (R, Vec<(&'static str, Vec<Fault>)>)) -> R {
-    of_calls.retain(|(_, faults)| !faults.is_empty());
-    assert_eq!(of_calls, []);
-    result
+fn unbroken<R>(examined: Examined<R>) -> R {
+    assert_eq!(examined.broken, []);
+    examined.expect_result()
 }
 
-fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> (R, Vec<(&'static str, Vec<Fault>)>) {
-    /// Restores the setting, after a panic too.
-    struct Restore(Option<bool>);
-    impl Drop for Restore {
-        fn drop(&mut self) {
-            CHECKED.set(self.0);
-        }
+/// Does `work` with all foreign code that this thread calls in it checked, and returns what became
+/// of it.
+pub fn examine<R>(work: impl FnOnce() -> R) -> Examined<R> {
+    checking(false, work)
+}
+
+/// Does `work` with all kernels that this thread calls in it called by `call`.
+///
+/// # Safety
+/// `call` calls the kernel with these registers, and returns its result.
+#[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
+pub(super) unsafe fn calling_through(call: Call, work: impl FnOnce()) {
+    let _restore = Restore(HOW.replace(Calls::Through(call)));
+    work();
+}
+
+/// Restores how this thread calls kernels, after a panic too.
+struct Restore(Calls);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        HOW.set(self.0);
     }
-    let _restore = Restore(CHECKED.replace(Some(without_denormals)));
-    FOUND.take();
-    (work(), FOUND.take())
 }
 
-/// The kernel with that symbol, of the kind that its place requires: in assembly (`rayo_asm`), or in C (`rayo_c`).
+fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> Examined<R> {
+    let _restore = Restore(HOW.replace(Calls::Checked { without_denormals }));
+    CALLS.set(0);
+    BROKEN.take();
+    // A kernel writes plain values alone: whatever it has not written, is what it was.
+    let result = panic::catch_unwind(AssertUnwindSafe(work)).or_else(|reason| match reason.downcast::<Crashed>() {
+        Ok(crashed) => Err(crashed),
+        Err(other) => panic::resume_unwind(other),
+    });
+    Examined { result, calls: CALLS.get(), broken: BROKEN.take() }
+}
+
+/// The kernel with that symbol, of the kind that its place requires: in assembly (`rayo_asm`), or
+/// in C (`rayo_c`).
 macro_rules! kernel {
     ($built:ident, $symbol:expr) => {{
         #[cfg($built)]
@@ -188,8 +287,8 @@ macro_rules! kernel {
         } }
         #[cfg(not($built))]
         use $crate::kernels::checked::absent as kernel;
-        // SAFETY: the signature above the function in asm/ or src/kernels/c is that of the kind; and what hands the table out
-        // has asked the build and the CPU.
+        // SAFETY: the signature above the function in asm/ or src/kernels/c is that of the kind;
+        // and what hands the table out has asked the build and the CPU.
         unsafe { $crate::kernels::kernel::Kernel::new(kernel, $symbol) }
     }};
     ($symbol:expr) => {
@@ -207,9 +306,10 @@ pub(super) fn writes<T: ?Sized>(to: *mut T) -> u64 {
     to.cast::<()>() as u64
 }
 
-/// Defines kinds of kernels: the arguments of each in Rust; those of a function in Rust, if there may be one; and
-/// `|way|`, how code or a function is called with them. A block must prove that the arguments of code are what kernels
-/// of the kind require: addresses, alignment and lengths. It may skip the call if there is nothing to do.
+/// Defines kinds of kernels: the arguments of each in Rust; those of a function in Rust, if there
+/// may be one; and `|way|`, how code or a function is called with them. A block must prove that the
+/// arguments of code are what kernels of the kind require: addresses, alignment and lengths. It may
+/// skip the call if there is nothing to do.
 macro_rules! kinds {
     ($(
         $(#[$doc:meta])*

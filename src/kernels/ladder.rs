@@ -1,4 +1,5 @@
-//! The rungs of the ladder that are variants of the paper's code and of the packets' closed form, for the experiment alone.
+//! The rungs of the ladder that are variants of the paper's code and of the packets' closed form,
+//! for the experiment alone.
 
 use std::ops::Range;
 
@@ -36,9 +37,13 @@ impl Level {
     }
 }
 
-/// A variant of a tracer, or of the kernels that one calls. A tracer's kernel alone would take more objects than it has room for:
+/// A variant of a tracer, or of the kernels that one calls.
+/// ```no_run
+/// rayo::internals::kernels::ladder::C[0].usable();
+/// ```
+/// A tracer's kernel is private, since it does not check that it has room for the objects:
 /// ```compile_fail,E0624
-/// rayo::kernels::ladder::C[0].kernel();
+/// rayo::internals::kernels::ladder::C[0].kernel();
 /// ```
 #[derive(Clone, Copy)]
 pub struct Rung<K = Trace> {
@@ -60,9 +65,19 @@ impl<K> Rung<K> {
     ///
     /// # Panics
     /// If it is not [`Rung::usable`].
-    pub(crate) fn kernel(&self) -> &K {
+    fn kernel(&self) -> &K {
         assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
         &self.kernel
+    }
+}
+
+impl Rung<ElementKernels<f32>> {
+    /// The kernels.
+    ///
+    /// # Panics
+    /// If it is not [`Rung::usable`].
+    pub fn kernels(&self) -> &ElementKernels<f32> {
+        self.kernel()
     }
 }
 
@@ -70,7 +85,8 @@ impl Rung {
     /// As [`Trace::call`].
     ///
     /// # Panics
-    /// As [`Trace::call`]; if there are more than [`MOST`] objects of a kind; if it is not [`Rung::usable`].
+    /// As [`Trace::call`]; if there are more than [`MOST`] objects of a kind; if it is not
+    /// [`Rung::usable`].
     pub fn call(&self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [Vec4]) {
         assert!(objects.spheres.len().max(objects.triangles.len()) <= MOST, "a rung takes {MOST} objects of a kind");
         self.kernel().call(frame, objects, rows, out);
@@ -82,7 +98,8 @@ macro_rules! rungs {
         /// The most objects of a kind that a rung takes.
         pub const MOST: usize = $most;
 
-        /// Every variant of the paper's C that this build has, in the order of the ladder; not each is [`Rung::usable`] everywhere.
+        /// Every variant of the paper's C that this build has, in the order of the ladder; not each
+        /// is [`Rung::usable`] everywhere.
         pub static C: &[Rung] = &[$(Rung {
             name: $name,
             flags: $flags,
@@ -105,7 +122,8 @@ const fn with_rows(level: Level, kernel: ShadeRows<f32, Rgba8>) -> ElementKernel
 
 macro_rules! closed {
     ($($name:literal, $level:ident, $flags:literal;)*) => {
-        /// The closed form of one grey sphere in bytes, compiled: from C if this build has it, and from Rust.
+        /// The closed form of one grey sphere in bytes, compiled: from C if this build has it, and
+        /// from Rust.
         pub static CLOSED: &[Rung<ElementKernels<f32>>] = &[
             $(Rung {
                 name: $name,
@@ -129,7 +147,7 @@ macro_rules! in_rust {
             kernel: with_rows(
                 Level::$level,
                 ShadeRows::<f32, Rgba8>::in_rust(
-                    // SAFETY: Rung::kernel() hands it out, and only where the CPU is of its level.
+                    // SAFETY: Rung::kernels() hands it out, and only where the CPU is of its level.
                     |sphere, rows, out, width| unsafe { $rows(sphere, rows, out, width) },
                     $name,
                 ),
@@ -147,6 +165,7 @@ pub fn rows_in_rust(isa: Isa) -> usize {
 
 include!(concat!(env!("OUT_DIR"), "/rungs.rs"));
 
-/// The paper's SIMD with calls in place of macros: the same instructions on the same registers, out of line.
+/// The paper's SIMD with calls in place of macros: the same instructions on the same registers, out
+/// of line.
 pub static PAPER_CALLS: Rung =
     Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, kernel: kernel!("rayo_calls_trace") };

@@ -1,4 +1,5 @@
-//! Algorithm 1 of the paper with a ray in each lane, tested against every object: asm/tracers/lanes.asm.
+//! Algorithm 1 of the paper with a ray in each lane, tested against every object:
+//! asm/tracers/lanes.asm.
 
 use std::iter::repeat_n;
 use std::ops::Range;
@@ -82,8 +83,9 @@ kinds! {
         if pixels > 0 {
             let bytes = |lines: usize| (lines * size_of::<Line>()) as u64;
             let LaneObjects { lights, spheres, triangles, .. } = objects;
-            // All records of a list are of one size and hold what the kernel reads of each; with lines of 64 bytes they
-            // are aligned. There is a row, a column, and in `out` the place of each pixel.
+            // All records of a list are of one size and hold what the kernel reads of each; with
+            // lines of 64 bytes they are aligned. There is a row, a column, and in `out` the place
+            // of each pixel.
             let lists = LaneLists {
                 spheres: reads(&*spheres.lines),
                 spheres_bytes: bytes(spheres.lines.len()),
@@ -105,7 +107,7 @@ pub struct LaneTracer {
 }
 
 /// By [`Isa`]: operands of AVX-512 broadcast.
-static TRACERS: [LaneTracer; 3] = [
+static TRACERS: [LaneTracer; Isa::ALL.len()] = [
     LaneTracer { spread: 4, kernel: kernel!("rayo_sse41_single_lanes") },
     LaneTracer { spread: 8, kernel: kernel!("rayo_avx2_single_lanes") },
     LaneTracer { spread: 1, kernel: kernel!("rayo_avx512_single_lanes") },
@@ -117,8 +119,8 @@ pub fn lane_tracer(isa: Isa) -> Option<&'static LaneTracer> {
 }
 
 /// The symbols of all of them, whether this CPU supports them or not.
-pub fn lane_symbols() -> [&'static str; 3] {
-    [0, 1, 2].map(|isa| TRACERS[isa].kernel.symbol())
+pub fn lane_symbols() -> [&'static str; Isa::ALL.len()] {
+    Isa::ALL.map(|isa| TRACERS[isa as usize].kernel.symbol())
 }
 
 impl LaneTracer {

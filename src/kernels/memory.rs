@@ -1,14 +1,18 @@
-//! The program's memory: if there is none left, it ends with a message that gives the size requested, not by an abort.
+//! The program's memory: if there is none left, it ends with a message that gives the size
+//! requested, not by an abort.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::collections::TryReserveError;
 use std::io::{self, Write};
+#[cfg(not(target_os = "linux"))]
 use std::sync::OnceLock;
 
-/// The system's allocator. [`try_reserve`] returns an error; any other failed allocation ends the process.
+/// The system's allocator. [`try_reserve`] returns an error; any other failed allocation ends the
+/// process.
 pub struct Memory;
 
+#[cfg(not(target_os = "linux"))]
 static LAST_WORK: OnceLock<fn()> = OnceLock::new();
 
 thread_local! {
@@ -17,8 +21,9 @@ thread_local! {
     static IS_ENDING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Registers `work` to be done before a process ends for want of memory; only the first counts. It has little memory
-/// itself.
+/// Registers `work` to be done before a process ends for want of memory; only the first counts. It
+/// has little memory itself.
+#[cfg(not(target_os = "linux"))]
 pub fn before_the_end(work: fn()) {
     let _ = LAST_WORK.set(work);
 }
@@ -34,9 +39,10 @@ pub fn try_reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), TryReserve
     reserved
 }
 
-/// Puts the program's heap on large pages, as far as the system has them, and keeps what is freed. The first touch of a small
-/// page takes a microsecond or two, which for a mesh of 69,000 triangles was half of set-up. Only a hint, and returns whether it
-/// was followed: not where other threads run, since two that move the heap's end at once could give one's memory back.
+/// Puts the program's heap on large pages, as far as the system has them, and keeps what is freed.
+/// The first touch of a small page takes a microsecond or two, which for a mesh of 69,000 triangles
+/// was half of set-up. Only a hint, and returns whether it was followed: not where other threads
+/// run, since two that move the heap's end at once could give one's memory back.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn use_large_pages() -> bool {
     if std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count) != 1 {
@@ -44,10 +50,11 @@ pub fn use_large_pages() -> bool {
     }
     use libc::{M_ARENA_MAX, M_MMAP_THRESHOLD, M_TOP_PAD, M_TRIM_THRESHOLD};
     let options = [(M_MMAP_THRESHOLD, 4 << 20), (M_TRIM_THRESHOLD, 64 << 20), (M_TOP_PAD, 16 << 20), (M_ARENA_MAX, 1)];
-    // What malloc writes when the heap grows is to be before the first large page, or that would be made of small ones.
+    // What malloc writes when the heap grows is to be before the first large page, or that would be
+    // made of small ones.
     let before = 256 << 10;
-    // SAFETY: the options choose where memory comes from, a gap in the heap is room lost, and the size of pages changes no
-    // content. Nobody else moves the end, since this thread is alone.
+    // SAFETY: the options choose where memory comes from, a gap in the heap is room lost, and the
+    // size of pages changes no content. Nobody else moves the end, since this thread is alone.
     unsafe {
         options.into_iter().for_each(|(option, value)| _ = libc::mallopt(option, value));
         let end = libc::sbrk(0).addr();
@@ -73,6 +80,7 @@ fn end(bytes: usize) -> ! {
     // The last work may fail to allocate, too.
     if !IS_ENDING.replace(true) {
         let _ = writeln!(io::stderr(), "error: there is no memory for {bytes} bytes");
+        #[cfg(not(target_os = "linux"))]
         if let Some(work) = LAST_WORK.get() {
             work();
         }

@@ -1,10 +1,11 @@
-//! The objects of a scene as the tile kernels read them: spheres, and triangles with or without shared corners.
+//! The objects of a scene as the tile kernels read them: spheres, and triangles with or without
+//! shared corners.
 
 use std::ops::Range;
 
 use glam::Vec3;
 
-use super::faces::{ColourRun, Faces, run_of_colour};
+use super::faces::{ColourRun, Faces, FacesOfColour, run_of_colour};
 use super::kernel::reads;
 use super::records::{Candidate, Sphere, Triangle};
 
@@ -21,8 +22,8 @@ pub struct FacePart<'a> {
 }
 
 impl<'a> FacePart<'a> {
-    /// Faces of all `vertices` but the last, which is padding. `corners` may not contain its index, nor one beyond
-    /// [`Faces::MOST_VERTICES`].
+    /// Faces of all `vertices` but the last, which is padding. `corners` may not contain its index,
+    /// nor one beyond [`Faces::MOST_VERTICES`].
     ///
     /// # Panics
     /// If they do.
@@ -37,7 +38,7 @@ impl<'a> FacePart<'a> {
     pub(super) fn paint(&self, candidates: &[Candidate], channels: [&mut [u32]; 3]) {
         let number = |candidate: &Candidate| self.first + candidate.id as usize;
         let Some(first) = candidates.first() else { return };
-        let (run, colour) = run_of_colour(self.colours, number(first));
+        let FacesOfColour { faces: run, colour } = run_of_colour(self.colours, number(first));
         // Nearly always they have the same.
         if self.colours.len() == 1 || candidates.iter().all(|candidate| run.contains(&number(candidate))) {
             let colour = colour.to_array().map(f32::to_bits);
@@ -45,7 +46,7 @@ impl<'a> FacePart<'a> {
         }
         let [red, green, blue] = channels;
         for (i, candidate) in candidates.iter().enumerate() {
-            let colour = run_of_colour(self.colours, number(candidate)).1;
+            let colour = run_of_colour(self.colours, number(candidate)).colour;
             [red[i], green[i], blue[i]] = colour.to_array().map(f32::to_bits);
         }
     }
@@ -53,8 +54,8 @@ impl<'a> FacePart<'a> {
 
 impl<'a> From<&'a Faces> for FacePart<'a> {
     fn from(faces: &'a Faces) -> Self {
-        let (vertices, colours) = faces.parts();
-        FacePart { vertices, corners: faces.corners(), colours, first: 0 }
+        let vertices = faces.padded_vertices();
+        FacePart { vertices, corners: faces.corners(), colours: faces.colours(), first: 0 }
     }
 }
 
@@ -70,8 +71,9 @@ pub enum TriangleList<'a> {
 /// A range of objects of one kind, as a scene has them and kernels read them.
 ///
 /// # Safety
-/// At the first address are [`ObjectList::len`] objects, as the kernels of this kind read them; if these are faces, the
-/// second is that of their vertices, followed by 4 readable bytes, and otherwise 0.
+/// At the first address are [`ObjectList::len`] objects, as the kernels of this kind read them; if
+/// these are faces, the second is that of their vertices, followed by 4 readable bytes, and
+/// otherwise 0.
 pub unsafe trait ObjectList: Copy + Send + Sync {
     type Object;
     /// The number of objects.
@@ -119,7 +121,8 @@ impl TriangleList<'_> {
     }
 }
 
-// SAFETY: a slice of triangles; or one of faces, whose numbers are those of vertices, behind which there is one more.
+// SAFETY: a slice of triangles; or one of faces, whose numbers are those of vertices, behind which
+// there is one more.
 unsafe impl ObjectList for TriangleList<'_> {
     type Object = Triangle;
     fn len(self) -> usize {
@@ -140,7 +143,7 @@ unsafe impl ObjectList for TriangleList<'_> {
         match self {
             TriangleList::Apart(triangles) => triangles[at],
             TriangleList::Joined(part) => {
-                Triangle { colour: run_of_colour(part.colours, part.first + at).1, vertices: self.vertices(at) }
+                Triangle { colour: run_of_colour(part.colours, part.first + at).colour, vertices: self.vertices(at) }
             }
         }
     }

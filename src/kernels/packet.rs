@@ -13,8 +13,8 @@ pub type Rgb8 = [u8; 3];
 /// Pixels of three floats: linear red, green, blue.
 pub type F32x3 = [f32; 3];
 
-// The references prove addresses and lengths; kernels read records and lights and write only what is passed as `&mut`,
-// for which any bits are values.
+// The references prove addresses and lengths; kernels read records and lights and write only what
+// is passed as `&mut`, for which any bits are values.
 kinds! {
     /// Finds the rows of a sphere under one light.
     RowSetup<E: Element> as fn(&LitSetup<f64>, u32, usize, &mut LitRows<E>);
@@ -26,7 +26,8 @@ kinds! {
     fn call(setup: &LitSetup<f64>, first: u32, count: usize, rows: &mut LitRows<E>); |way| {
         assert!(count <= LIT_ROWS, "{count} rows do not fit");
         if count > 0 {
-            // LIT_ROWS is a multiple of every packet's lanes, so that there is room for the last packet of rows.
+            // LIT_ROWS is a multiple of every packet's lanes, so that there is room for the last
+            // packet of rows.
             match way {
                 Way::Code(enter) => _ = enter([reads(setup), first.into(), count as u64, writes(rows), 0, 0]),
                 Way::Rust(find) => find(setup, first, count, rows),
@@ -37,11 +38,12 @@ kinds! {
     /// Renders whole rows of a picture of one sphere under one light.
     ShadeRows<E: Element, P> as fn(&LitSphere<E>, &LitRows<E>, &mut [P], usize);
 
-    /// Renders the rows of `out`, each `width` pixels, from as many of `rows`. `streaming`: past the cache, if
-    /// possible.
+    /// Renders the rows of `out`, each `width` pixels, from as many of `rows`. `streaming`: past
+    /// the cache, if possible.
     ///
     /// # Panics
-    /// If `out` is not a whole number of rows or more than there are, or if a span does not lie in its row.
+    /// If `out` is not a whole number of rows or more than there are, or if a span does not lie in
+    /// its row.
     fn call(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool); |way| {
         if !out.is_empty() {
             let count = out.len() / width;
@@ -62,7 +64,8 @@ kinds! {
                     } else {
                         let (mut numbers, to) = (vec![0_u32; out.len()], out.as_mut_ptr().cast());
                         call(writes(&mut *numbers));
-                        // SAFETY: pixels of 32 bits, for which any bits are values, and as many in either.
+                        // SAFETY: pixels of 32 bits, for which any bits are values, and as many in
+                        // either.
                         unsafe { ptr::copy_nonoverlapping(bytes(&numbers).as_ptr(), to, 4 * numbers.len()) };
                     }
                 }

@@ -29,7 +29,8 @@ kinds! {
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         if pixels > 0 {
-            // The lists are as long as they say. There is a row, a column, and in `out` the place of each pixel.
+            // The lists are as long as they say. There is a row, a column, and in `out` the place
+            // of each pixel.
             let Objects { lights, spheres, triangles } = objects;
             let lists = Lists {
                 lights: reads(lights),
@@ -53,10 +54,12 @@ impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
     }
 }
 
-/// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not clamped.
+/// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not
+/// clamped.
 pub type Trace = RowsOf<Vec4>;
 
-/// The same, with the surface hit in place of a colour: the nearest one, with t in its point's fourth lane, or 0.
+/// The same, with the surface hit in place of a colour: the nearest one, with t in its point's
+/// fourth lane, or 0.
 pub type Hits = RowsOf<Surface>;
 
 /// One operation of a table, by the types it works on: for tests, counts and benches.
@@ -74,4 +77,29 @@ pub enum OpRef {
     Triangle(Op<Vec4, PaperTriangle, f32>),
     /// (surface, light) -> colour.
     Lambert(Op<Surface, Light, Vec4>),
+}
+
+impl OpRef {
+    /// The symbol of its code.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            OpRef::Vector(op) => op.symbol(),
+            OpRef::Scale(op) => op.symbol(),
+            OpRef::Scalar(op) => op.symbol(),
+            OpRef::Sphere(op) => op.symbol(),
+            OpRef::Triangle(op) => op.symbol(),
+            OpRef::Lambert(op) => op.symbol(),
+        }
+    }
+
+    pub fn address(self) -> usize {
+        match self {
+            OpRef::Vector(op) => op.address(),
+            OpRef::Scale(op) => op.address(),
+            OpRef::Scalar(op) => op.address(),
+            OpRef::Sphere(op) => op.address(),
+            OpRef::Triangle(op) => op.address(),
+            OpRef::Lambert(op) => op.address(),
+        }
+    }
 }

@@ -1,15 +1,16 @@
-//! The packet kernels in Rust, for any CPU: the twins of those in asm/tracers, to the last bit unless these estimate.
+//! The packet kernels in Rust, for any CPU: the twins of those in asm/tracers, to the last bit
+//! unless these estimate.
 //!
-//! Each formula is written once in assembly and once here. A table with the lanes and the rounding of an instruction set has
-//! the twins of its kernels.
+//! Each formula is written once in assembly and once here. A table with the lanes and the rounding
+//! of an instruction set has the twins of its kernels.
 
 pub mod lanes;
-mod nearest;
-mod rows;
-mod set_up;
-mod shade;
-mod shadows;
-mod spheres;
+pub mod nearest;
+pub mod rows;
+pub mod set_up;
+pub mod shade;
+pub mod shadows;
+pub mod spheres;
 
 use lanes::{Lanes, Number, Packet};
 
@@ -42,7 +43,8 @@ pub fn portable() -> &'static PacketKernels {
     &PACKETS
 }
 
-/// Packet kernels in Rust of `N` lanes in f32, and half as many in f64; a product and a sum are rounded once if `FUSED`.
+/// Packet kernels in Rust of `N` lanes in f32, and half as many in f64; a product and a sum are
+/// rounded once if `FUSED`.
 pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> PacketKernels {
     // More would not divide what kernels share.
     const { assert!(N <= 16 && HALF <= 8) };
@@ -77,7 +79,8 @@ const fn lit<L: Lanes<Number = E>, E: Number, const GREY: bool>() -> LitBodies<E
     }
 }
 
-/// The kernels for one type of elements: L is a packet of pixels, W the packet in which objects are set up.
+/// The kernels for one type of elements: L is a packet of pixels, W the packet in which objects are
+/// set up.
 const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> ElementKernels<E> {
     ElementKernels {
         lanes: L::COUNT,
@@ -119,8 +122,8 @@ compiled! {
     grey_v4, "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,fma", 16, true;
 }
 
-/// n / t at a pixel that is `x`, `y` from a sphere's own origin, by the operations of kernels in f32 (`single`) or f64, with a
-/// product and a sum rounded once (`fused`) or twice.
+/// n / t at a pixel that is `x`, `y` from a sphere's own origin, by the operations of kernels in
+/// f32 (`single`) or f64, with a product and a sum rounded once (`fused`) or twice.
 pub fn normal_over_t([single, fused]: [bool; 2], sphere: &TileSphere<f64>, x: f64, y: f64) -> [f64; 3] {
     fn of<L: Lanes>(sphere: &TileSphere<f64>, x: f64, y: f64) -> [f64; 3] {
         shade::normal_over_t(&sphere.round(), L::of(x), L::of(y)).map(|n| n.lane(0).to_f64())

@@ -1,4 +1,5 @@
-//! The records of the packet and the tile kernels, in f32 or f64, as the `struc` blocks of asm/include define them.
+//! The records of the packet and the tile kernels, in f32 or f64, as the `struc` blocks of
+//! asm/include define them.
 
 use glam::Vec3;
 
@@ -78,7 +79,8 @@ macro_rules! elements {
     };
 }
 
-/// Defines many records transposed: the elements of one field, then those of the next. Words of 32 bits may be floats.
+/// Defines many records transposed: the elements of one field, then those of the next. Words of 32
+/// bits may be floats.
 macro_rules! columns {
     ($(#[$doc:meta])* $name:ident $(<$element:ident>)?: $type:ty, $len:literal {
         $($(#[$field_doc:meta])* $field:ident,)*
@@ -100,7 +102,8 @@ macro_rules! columns {
     };
 }
 
-/// Defines the arguments of a kernel that are passed in memory: addresses, counts and numbers in f64, as bits.
+/// Defines the arguments of a kernel that are passed in memory: addresses, counts and numbers in
+/// f64, as bits.
 macro_rules! words {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident,)* }) => {
         $(#[$doc])*
@@ -167,8 +170,8 @@ unsafe impl Plain for Triangle {
     const ZERO: Self = Triangle { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
 }
 
-/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`. As a scene holds it, where set-up reads it in
-/// place.
+/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`. As a scene holds
+/// it, where set-up reads it in place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Sphere {
@@ -191,7 +194,8 @@ unsafe impl Plain for Sphere {
 pub struct Candidate {
     /// Its index in the scene.
     pub id: u32,
-    /// The columns of the picture where it may be: the first, and one past the last in the upper 16 bits.
+    /// The columns of the picture where it may be: the first, and one past the last in the upper 16
+    /// bits.
     pub columns: u32,
     pub rows: u32,
     /// Upper bound of its 1/t: [`Candidate::ANY`] if it has none, infinity if that is beyond f32.
@@ -199,8 +203,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// The `most` of a triangle that reaches behind the camera's plane, or of a sphere that does or is around the
-    /// camera, which has a kernel of its own.
+    /// The `most` of a triangle that reaches behind the camera's plane, or of a sphere that does or
+    /// is around the camera, which has a kernel of its own.
     pub const ANY: f32 = f32::MAX;
 }
 

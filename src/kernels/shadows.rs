@@ -1,6 +1,8 @@
-//! The arguments of the kernels of shadows: the visible points of a tile, and the objects that may hide a light from them.
+//! The arguments of the kernels of shadows: the visible points of a tile, and the objects that may
+//! hide a light from them.
 
 use std::fmt::{Debug, Formatter, Result};
+use std::ops::Range;
 
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::objects::{ObjectList as _, TriangleList};
@@ -15,14 +17,14 @@ use super::types::Plain;
 pub(super) const BLOCK: usize = 16;
 
 /// The groups of a tile.
-pub(super) const GROUPS: usize = TILE_PIXELS / GROUP;
+pub const GROUPS: usize = TILE_PIXELS / GROUP;
 
 kinds! {
     /// Computes what is visible at the pixels of a tile.
     Points<E: Element> as fn(&PointView<f64>, &[E; TILE_PIXELS], [u32; 2], &[PointObject<f64>], &mut TilePoints);
 
-    /// Sets the points of a tile, whose first pixel is in this column and row of the picture. `objects` has those of the tile
-    /// by their ids, from 0 on.
+    /// Sets the points of a tile, whose first pixel is in this column and row of the picture.
+    /// `objects` has those of the tile by their ids, from 0 on.
     ///
     /// # Panics
     /// If it has not all.
@@ -44,8 +46,8 @@ kinds! {
     /// Finds how a light sees the points of a tile.
     Seen as fn(&LightSideView<f64>, [&[f64; TILE_PIXELS]; 3], &mut LitGroups, &mut [[f32; TILE_PIXELS]; 2]);
 
-    /// Sets where the points of the groups that are open are seen, and the bounds of these; `axis` says which coordinate is the
-    /// depth, 0 to 2.
+    /// Sets where the points of the groups that are open are seen, and the bounds of these; `axis`
+    /// says which coordinate is the depth, 0 to 2.
     fn call(view: &LightSideView<f64>, points: &mut TilePoints, axis: usize, groups: &mut LitGroups); |way| {
         // Fields of the record, which is aligned.
         let TilePoints { x, y, z, seen, .. } = points;
@@ -62,8 +64,9 @@ kinds! {
     /// Computes how a light sees triangles.
     Cast as fn(&LightSideView<f64>, [usize; 3], TriangleList<'_>, u32, &mut CasterList);
 
-    /// Sets the bounds and the edges of triangles that are in a list by their places in the scene, where those of `triangles`
-    /// begin with `first`; `axis` says which coordinate is the depth, 0 to 2.
+    /// Sets the bounds and the edges of triangles that are in a list by their places in the scene,
+    /// where those of `triangles` begin with `first`; `axis` says which coordinate is the depth, 0
+    /// to 2.
     ///
     /// # Panics
     /// If one is not among `triangles`.
@@ -107,41 +110,46 @@ kinds! {
     }
 
     /// Finds the objects that may hide a light from groups of points.
-    Meet as fn(&TilePoints, &LitGroups, &mut CasterList);
+    Meet as fn(Option<&TilePoints>, &LitGroups, Range<usize>, &mut CasterList);
 
-    /// Sets which objects of a list the groups meet, as the light [sees](Seen) both: of triangles that were [cast](Cast), if
-    /// edges are `asked`, those alone that have an open point within theirs.
-    fn call(points: &TilePoints, groups: &LitGroups, asked: bool, casters: &mut CasterList); |way| {
+    /// Sets which objects of a list the `asking` groups meet, as the light [sees](Seen) both. With
+    /// `points` an object counts only if an open point of the group is within it: within its edges
+    /// if it is a triangle that was [cast](Cast), else within its bounds.
+    ///
+    /// # Panics
+    /// If a tile has no such groups.
+    fn call(points: Option<&TilePoints>, groups: &LitGroups, asking: Range<usize>, casters: &mut CasterList); |way| {
+        assert!(asking.end <= GROUPS, "groups of a tile");
         casters.met_count = 0;
-        casters.have_edges &= asked;
-        if casters.count == 0 {
+        if casters.count == 0 || asking.is_empty() {
             return;
         }
         // Room for all objects of all groups, and what is stored past them.
         casters.met.resize(GROUPS * MOST_CASTERS + BLOCK, 0);
         match way {
             Way::Code(enter) => {
-                let edges = if casters.have_edges { reads(&*casters.edges) } else { 0 };
                 let task = MeetTask {
-                    points: reads(points),
+                    points: points.map_or(0, |points| reads(points)),
                     groups: reads(groups),
+                    first: asking.start as u64,
+                    end: asking.end as u64,
                     bounds: reads(&*casters.bounds),
-                    edges,
+                    edges: if casters.have_edges { reads(&*casters.edges) } else { 0 },
                     blocks: reads(&casters.blocks),
                     block_count: casters.block_count() as u64,
                     met: writes(&mut *casters.met),
                 };
                 casters.met_count = enter([reads(&task), 0, 0, 0, 0, 0]) as usize;
             }
-            Way::Rust(meet) => meet(points, groups, casters),
+            Way::Rust(meet) => meet(points, groups, asking, casters),
         }
     }
 
     /// Finds the points that some objects hide from a light.
     Casters<C: Plain> as fn(&LitPoints<'_>, &[C], &CasterList, &mut LitGroups);
 
-    /// Of the open points closes those that one of the objects hides from the light which their group [meets](Meet). The list
-    /// has their numbers in `objects`.
+    /// Closes each open point that is hidden from the light by an object which its group
+    /// [meets](Meet). `casters` lists the numbers of these in `objects`.
     ///
     /// # Panics
     /// If there is none with such a number.
@@ -180,7 +188,8 @@ pub fn axes(axis: usize) -> [usize; 3] {
     [1, 2, 0].map(|next| (axis + next) % 3)
 }
 
-/// The bounds of an object, or of some that are next to each other in the scene, as a light sees them.
+/// The bounds of an object, or of some that are next to each other in the scene, as a light sees
+/// them.
 #[derive(Clone, Copy, Default)]
 pub struct Extent {
     /// The least x and y, in cells.
@@ -193,7 +202,16 @@ pub struct Extent {
     pub count: u32,
 }
 
-/// The place of an object in a scene, as the bits of an f32 that is unlike those of other places, above 0 and finite.
+impl Extent {
+    /// The fields of [`CasterBounds`] that are compared.
+    fn ends(&self) -> [f32; 5] {
+        let Extent { low, high, depth, .. } = self;
+        [-low[0], -low[1], high[0], high[1], -depth]
+    }
+}
+
+/// The place of an object in a scene, as the bits of an f32 that is unlike those of other places,
+/// above 0 and finite.
 pub fn own_bits(place: u32) -> u32 {
     place + f32::MIN_POSITIVE.to_bits()
 }
@@ -213,7 +231,8 @@ pub struct CasterList {
     /// Of triangles that were cast, with as many blocks.
     edges: Vec<CasterEdges>,
     have_edges: bool,
-    /// Groups and numbers of objects that they [meet](Meet), sorted, and how many there are; there may be more.
+    /// Groups and numbers of objects that they [meet](Meet), sorted, and how many there are; there
+    /// may be more.
     met: Vec<u32>,
     met_count: usize,
 }
@@ -225,8 +244,11 @@ pub(super) fn number(met: u32) -> usize {
     met as usize % MOST_CASTERS
 }
 
-/// The bits of a coordinate that meets no other.
+/// The bits of a coordinate that meets no other: NaN.
 const NOWHERE: u32 = f32::NAN.to_bits();
+
+/// The number of several objects together, which no open point has, nor any group.
+const OF_SEVERAL: u32 = (-1.0f32).to_bits();
 
 /// No block.
 const NO_BLOCKS: CasterBounds = CasterBounds {
@@ -260,31 +282,45 @@ impl Debug for CasterList {
     }
 }
 
+/// An object of a list that some group of points meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MetCaster {
+    /// Its number in the list.
+    pub number: usize,
+    /// Its place in the scene.
+    pub place: u32,
+}
+
+/// A group of points, and the objects that it meets.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MetByGroup<'a> {
+    pub(super) group: usize,
+    pub(super) met: &'a [u32],
+}
+
+/// A block of objects of a list.
+pub(super) struct CasterBlock<'a> {
+    pub(super) bounds: &'a mut CasterBounds,
+    pub(super) edges: &'a mut CasterEdges,
+}
+
 impl CasterList {
-    /// Adds the objects of an extent, which become the bounds of one alone: those of several are left to [`Cast`].
+    /// Adds the objects of an extent, which become the bounds of one alone: those of several are
+    /// left to [`Cast`].
     ///
     /// # Panics
     /// If there is no room.
-    pub fn push(&mut self, Extent { low, high, depth, first, count }: &Extent) {
+    pub fn push(&mut self, extent: &Extent) {
+        let Extent { first, count, .. } = extent;
         assert!(self.count + *count as usize <= MOST_CASTERS, "{count} casters more than {}", self.count);
-        self.have_edges = false;
-        let ends = [-low[0], -low[1], high[0], high[1], -depth];
+        if *count == 1 {
+            return self.push_as_one(extent);
+        }
         let (mut next, end) = (own_bits(*first), own_bits(first + count));
         while next < end {
-            let (block, at) = (self.count / BLOCK, self.count % BLOCK);
-            if at == 0 {
-                if self.bounds.len() == block {
-                    self.bounds.push(NO_BLOCKS);
-                }
-                (self.bounds[block].x, self.bounds[block].own) = ([NOWHERE; BLOCK], [next; BLOCK]);
-            }
-            for (field, end) in self.blocks.ends().into_iter().zip(ends) {
-                field[block] = end.max(f32::from_bits(field[block])).to_bits();
-            }
-            let bounds = &mut self.bounds[block];
-            if *count == 1 {
-                bounds.ends().into_iter().zip(ends).for_each(|(field, end)| field[at] = end.to_bits());
-            }
+            let at = self.count % BLOCK;
+            self.widen_block(extent);
+            let bounds = self.last_block(next);
             bounds.own[at..].iter_mut().zip(next..end).for_each(|(own, place)| *own = place);
             let here = (BLOCK - at).min((end - next) as usize);
             self.count += here;
@@ -292,40 +328,99 @@ impl CasterList {
         }
     }
 
+    /// Adds an extent as one object, to find out whether a group meets any of what it holds.
+    ///
+    /// # Panics
+    /// If there is no room.
+    #[inline(always)]
+    pub fn push_as_one(&mut self, extent: &Extent) {
+        let own = if extent.count == 1 { own_bits(extent.first) } else { OF_SEVERAL };
+        let at = self.count % BLOCK;
+        self.widen_block(extent);
+        let bounds = self.last_block(own);
+        bounds.ends().into_iter().zip(extent.ends()).for_each(|(field, end)| field[at] = end.to_bits());
+        bounds.own[at] = own;
+        self.count += 1;
+    }
+
+    /// Widens the bounds of the block of the next object by its own.
+    #[inline(always)]
+    fn widen_block(&mut self, extent: &Extent) {
+        assert!(self.count < MOST_CASTERS, "more than {MOST_CASTERS} casters");
+        self.have_edges = false;
+        let block = self.count / BLOCK;
+        for (field, end) in self.blocks.ends().into_iter().zip(extent.ends()) {
+            // The bounds of a block without objects are NaN, which `max` ignores.
+            field[block] = end.max(f32::from_bits(field[block])).to_bits();
+        }
+    }
+
+    /// The block of the next object: `own` fills a new one up.
+    #[inline(always)]
+    fn last_block(&mut self, own: u32) -> &mut CasterBounds {
+        let block = self.count / BLOCK;
+        if self.count.is_multiple_of(BLOCK) {
+            if self.bounds.len() == block {
+                self.bounds.push(NO_BLOCKS);
+            }
+            (self.bounds[block].x, self.bounds[block].own) = ([NOWHERE; BLOCK], [own; BLOCK]);
+        }
+        &mut self.bounds[block]
+    }
+
     /// Removes all.
     pub fn clear(&mut self) {
         (self.count, self.have_edges, self.blocks) = (0, false, NO_BLOCKS);
     }
 
-    /// Gives those that groups meet other numbers, from their numbers in the list and their places in the scene.
-    pub fn renumber(&mut self, mut of: impl FnMut(usize, u32) -> u8) {
-        for met in &mut self.met[..self.met_count] {
-            let at = number(*met);
-            let place = self.bounds[at / BLOCK].own[at % BLOCK] - own_bits(0);
-            *met = *met - at as u32 + u32::from(of(at, place));
+    /// The objects that groups [meet](Meet), in order.
+    pub fn each_met(&self) -> impl Iterator<Item = MetCaster> {
+        let mut are_met = [0u64; MOST_CASTERS / 64];
+        for met in &self.met[..self.met_count] {
+            are_met[number(*met) / 64] |= 1 << (number(*met) % 64);
         }
+        let numbers = are_met.into_iter().enumerate().flat_map(|(word, mut bits)| {
+            std::iter::from_fn(move || {
+                let lowest = bits.trailing_zeros() as usize;
+                bits &= bits.wrapping_sub(1);
+                (lowest < 64).then_some(64 * word + lowest)
+            })
+        });
+        numbers.map(|number| {
+            let place = self.bounds[number / BLOCK].own[number % BLOCK] - own_bits(0);
+            MetCaster { number, place }
+        })
     }
 
-    /// The groups that meet some objects, and these.
-    pub(super) fn met(&self) -> impl Iterator<Item = (usize, &[u32])> {
+    /// The groups that meet some objects.
+    pub(super) fn met(&self) -> impl Iterator<Item = MetByGroup<'_>> {
         let group = |met: u32| met as usize / MOST_CASTERS;
-        self.met[..self.met_count].chunk_by(move |a, b| group(*a) == group(*b)).map(move |met| (group(met[0]), met))
+        let by_group = self.met[..self.met_count].chunk_by(move |a, b| group(*a) == group(*b));
+        by_group.map(move |met| MetByGroup { group: group(met[0]), met })
     }
 
     fn block_count(&self) -> usize {
         self.count.div_ceil(BLOCK)
     }
 
-    /// Blocks, and their edges.
-    pub(super) fn blocks(&mut self) -> impl Iterator<Item = (&mut CasterBounds, &mut CasterEdges)> {
+    /// The blocks that have objects.
+    pub(super) fn blocks(&mut self) -> impl Iterator<Item = CasterBlock<'_>> {
         let count = self.block_count();
-        self.bounds.iter_mut().zip(&mut self.edges).take(count)
+        let blocks = self.bounds.iter_mut().zip(&mut self.edges).take(count);
+        blocks.map(|(bounds, edges)| CasterBlock { bounds, edges })
     }
 
-    /// Sets which objects each group meets: of those whose bounds it does the ones that `hides` lets pass.
-    pub(super) fn set_met(&mut self, groups: &LitGroups, hides: impl Fn(usize, Option<&CasterEdges>, usize) -> bool) {
+    /// Sets which objects each of the `asking` groups meets: those whose bounds meet the group's
+    /// and for which `is_kept` holds, called with the group, the object's block, the edges of this,
+    /// and the object's index in it.
+    pub(super) fn set_met(
+        &mut self,
+        groups: &LitGroups,
+        asking: Range<usize>,
+        is_kept: impl Fn(usize, &CasterBounds, Option<&CasterEdges>, usize) -> bool,
+    ) {
         let LitGroups { x, y, past_x, past_y, depth, own, open } = groups;
-        for group in (0..GROUPS).filter(|group| open[*group] != 0) {
+        for group in asking.filter(|group| open[*group] != 0) {
             let ends = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[group]));
             let meets = |CasterBounds { x, y, past_x, past_y, depth, own: owns }: &CasterBounds, at: usize| {
                 let fields = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[at]));
@@ -333,8 +428,9 @@ impl CasterList {
             };
             let blocks = (0..self.block_count()).filter(|block| meets(&self.blocks, *block));
             for at in blocks.flat_map(|block| block * BLOCK..(block + 1) * BLOCK) {
-                let (block, i) = (at / BLOCK, at % BLOCK);
-                if meets(&self.bounds[block], i) && hides(group, self.have_edges.then(|| &self.edges[block]), i) {
+                let (bounds, i) = (&self.bounds[at / BLOCK], at % BLOCK);
+                let edges = self.have_edges.then(|| &self.edges[at / BLOCK]);
+                if meets(bounds, i) && is_kept(group, bounds, edges, i) {
                     self.met[self.met_count] = (group * MOST_CASTERS + at) as u32;
                     self.met_count += 1;
                 }

@@ -1,13 +1,19 @@
-//! Executed instructions, counted exactly: the trap flag makes the CPU stop after each one, and a handler counts.
+//! Executed instructions, counted exactly: the trap flag makes the CPU stop after each one, and a
+//! handler counts.
 //!
-//! While the flag is set in the flags register of a thread, the CPU raises a debug exception after every instruction
-//! that the thread executes in user mode, which the operating system delivers as SIGTRAP. That needs no privilege and no
-//! hardware counter, works for any instruction set, and costs some microseconds a step.
+//! While the flag is set in the flags register of a thread, the CPU raises a debug exception after
+//! every instruction that the thread executes in user mode, which the operating system delivers as
+//! SIGTRAP. That needs no privilege and no hardware counter, works for any instruction set, and
+//! costs some microseconds a step.
 //!
-//! Every instruction counts once. A string instruction with a repeat prefix is one, however often it repeats. A system
-//! call and the instruction after it count as one, since the CPU clears the flag on the way into the kernel.
+//! Every instruction counts once. A string instruction with a repeat prefix is one, however often
+//! it repeats. A system call and the instruction after it count as one, since the CPU clears the
+//! flag on the way into the kernel.
 //!
 //! For code that it is told to watch, [`record`] also keeps the registers between instructions.
+//!
+//! For the kernels of a picture, [`visits`] and [`record_kernels`] set the flag only while they
+//! run: what calls them takes no longer than usual.
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod recorder;
@@ -15,11 +21,14 @@ mod recording;
 
 use std::ops::Range;
 
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+use super::checked::{Code, Registers};
 use super::code::code_at;
+use super::kernel::{Crashed, examine};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 use super::memory::try_reserve;
 use imp::Recorder;
-pub use recording::{Recording, State, Step, Touched, Visit};
+pub use recording::{MemoryOperand, Recording, State, Step, Touched, Visit, VisitRecord, memory_operand};
 
 /// Why instructions cannot be counted here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -41,8 +50,8 @@ pub enum Unavailable {
         /// Traps received.
         counted: u64,
     },
-    /// A thread or a process that the code starts would inherit the flag and die of it; or the code blocks or handles the
-    /// signal; or it, or the hypervisor, cleared the flag.
+    /// A thread or a process that the code starts would inherit the flag and die of it; or the code
+    /// blocks or handles the signal; or it, or the hypervisor, cleared the flag.
     #[error(
         "the traps ceased before the end: what is counted starts a thread or a process, or something cleared the trap flag"
     )]
@@ -63,9 +72,11 @@ pub enum Unavailable {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Visits {
     pub calls: u64,
-    /// Instructions from its entry to its return, both included, with those of all functions that it called.
+    /// Instructions from its entry to its return, both included, with those of all functions that
+    /// it called.
     pub instructions: u64,
-    /// The number of executions of the instruction at each byte of the function; 0 for bytes at which none begins.
+    /// The number of executions of the instruction at each byte of the function; 0 for bytes at
+    /// which none begins.
     pub at: Vec<u64>,
 }
 
@@ -81,8 +92,8 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
     imp::run(0, 0, None, action).map(|counts| counts.total)
 }
 
-/// The instructions of the function of `bytes` bytes at `address`, or as many as there are of this program's code, and of
-/// what it calls, over all its calls in `action`.
+/// The instructions of the function of `bytes` bytes at `address`, or as many as there are of this
+/// program's code, and of what it calls, over all its calls in `action`.
 ///
 /// There are no calls if no function begins at `address`.
 ///
@@ -97,23 +108,42 @@ pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Re
     imp::run(address, bytes, None, action).map(|counts| counts.visits)
 }
 
-/// The executions of instructions at the addresses `watched` in `action`: the first `most` of them, and whether these
-/// are all. After them the thread goes on without single-stepping.
+/// The executions of instructions at the addresses `watched` in the kernels of pictures that
+/// `action` calls, at most the first `most`. After them the thread goes on without single-stepping.
 ///
 /// # Errors
 /// If single-stepping is not available or not exact.
 ///
 /// # Panics
 /// As [`count_instructions`], and if `watched` is not code of this process.
-pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<(Vec<Visit>, bool), Unavailable> {
+pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<VisitRecord, Unavailable> {
     imp::self_test()?;
     let mut recorder = Recorder::of_visits(check_code(watched), most)?;
-    imp::run(0, 0, Some(&mut recorder), action)?;
+    imp::step_calls(&mut recorder, action)?;
     Ok(recorder.into_visits())
 }
 
-/// The instructions that the thread executes in `action` at the addresses `watched`, with all registers and the memory
-/// they touch: of those whose indices are `wanted`, in ascending order, the first `most`. Memory is taken for these.
+/// The same by checked calls, and up to the crash of a kernel, if one of them crashes.
+///
+/// # Errors
+/// As [`visits`].
+///
+/// # Panics
+/// As [`visits`].
+pub fn visits_until_crash(
+    watched: &[Range<usize>],
+    most: usize,
+    action: impl FnOnce(),
+) -> Result<VisitRecord, Unavailable> {
+    imp::self_test()?;
+    let mut recorder = Recorder::of_visits(check_code(watched), most)?;
+    run_until_crash(&mut recorder, action)?;
+    Ok(recorder.into_visits())
+}
+
+/// The instructions that the thread executes in `action` at the addresses `watched`, with all
+/// registers and the memory they touch: of those whose indices are `wanted`, in ascending order,
+/// the first `most`. Memory is taken for these.
 ///
 /// # Errors
 /// If single-stepping is not available or not exact.
@@ -130,6 +160,55 @@ pub fn record(
     let mut recorder = Recorder::of_moments(check_code(watched), wanted, most)?;
     imp::run(0, 0, Some(&mut recorder), action)?;
     Ok(recorder.into_recording())
+}
+
+/// The same, but only in the kernels of pictures that `action` calls.
+///
+/// # Errors
+/// As [`record`].
+///
+/// # Panics
+/// As [`visits`].
+pub fn record_kernels(
+    watched: &[Range<usize>],
+    wanted: &[Range<u64>],
+    most: usize,
+    action: impl FnOnce(),
+) -> Result<Recording, Unavailable> {
+    imp::self_test()?;
+    let mut recorder = Recorder::of_moments(check_code(watched), wanted, most)?;
+    imp::step_calls(&mut recorder, action)?;
+    Ok(recorder.into_recording())
+}
+
+/// The same by checked calls, and up to the crash of a kernel, if one of them crashes.
+///
+/// # Errors
+/// As [`record`].
+///
+/// # Panics
+/// As [`visits`].
+pub fn record_until_crash(
+    watched: &[Range<usize>],
+    wanted: &[Range<u64>],
+    most: usize,
+    action: impl FnOnce(),
+) -> Result<Recording, Unavailable> {
+    imp::self_test()?;
+    let mut recorder = Recorder::of_moments(check_code(watched), wanted, most)?;
+    let crashed = run_until_crash(&mut recorder, action)?;
+    Ok(Recording { crashed, ..recorder.into_recording() })
+}
+
+/// Single-steps through `action`, what is not of kernels too; returns the crash of a kernel that
+/// ended it, and with it the single-stepping.
+fn run_until_crash(recorder: &mut Recorder, action: impl FnOnce()) -> Result<Option<Box<Crashed>>, Unavailable> {
+    let mut crashed = None;
+    let counts = imp::run(0, 0, Some(recorder), || crashed = examine(action).result.err());
+    if crashed.is_none() {
+        counts?;
+    }
+    Ok(crashed)
 }
 
 /// Checks that there is code in all these ranges, which the handler reads.
@@ -167,18 +246,22 @@ mod imp {
     use std::sync::{Mutex, OnceLock};
 
     pub use super::recorder::Recorder;
-    use super::{Counts, Unavailable, Visits};
+    use super::{Code, Counts, Registers, Unavailable, Visits};
+    use crate::kernels::kernel::calling_through;
 
     /// In the flags register.
     pub const TRAP_FLAG: u64 = 0x100;
 
-    /// The state shared by the handler and the thread that it interrupts: one thread, with relaxed accesses in order.
+    /// The state shared by the handler and the thread that it interrupts: one thread, with relaxed
+    /// accesses in order.
     struct Shared {
         /// The address of the instruction that is being executed; 0 before the first.
         current: AtomicUsize,
         /// The address where counting ends.
         stop: AtomicUsize,
         stopped: AtomicBool,
+        /// Whether the traps of a call of a kernel ceased before its end.
+        lost: AtomicBool,
         traps: AtomicU64,
         total: AtomicU64,
         /// The function to watch, 0 for none.
@@ -198,6 +281,7 @@ mod imp {
         current: AtomicUsize::new(0),
         stop: AtomicUsize::new(0),
         stopped: AtomicBool::new(false),
+        lost: AtomicBool::new(false),
         traps: AtomicU64::new(0),
         total: AtomicU64::new(0),
         entry: AtomicUsize::new(0),
@@ -223,18 +307,20 @@ mod imp {
 
     /// Runs after every instruction: counts the one before, and clears the flag at the end.
     extern "C" fn on_trap(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
-        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t. Under a hypervisor one in millions
-        // comes without the bit that says it is of the flag, as TRAP_BRKPT, which `int3` is not.
+        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t. Under a
+        // hypervisor one in millions comes without the bit that says it is of the flag, as
+        // TRAP_BRKPT, which `int3` is not.
         if !unsafe { [libc::TRAP_TRACE, libc::TRAP_BRKPT].contains(&(*info).si_code) } {
-            // Somebody's breakpoint: what would have happened without us.
-            // SAFETY: both functions may be called in a handler, and the signal number is the one that came.
+            // Somebody's breakpoint: what would have happened without us. SAFETY: both functions
+            // may be called in a handler, and the signal number is the one that came.
             unsafe {
                 libc::signal(signal, libc::SIG_DFL);
                 libc::raise(signal);
             }
             return;
         }
-        // SAFETY: the third argument is the interrupted context, a ucontext_t that nobody else holds.
+        // SAFETY: the third argument is the interrupted context, a ucontext_t that nobody else
+        // holds.
         let context = unsafe { &mut *context.cast::<libc::ucontext_t>() };
         let registers = &mut context.uc_mcontext.gregs;
         let rip = registers[libc::REG_RIP as usize] as usize;
@@ -255,7 +341,8 @@ mod imp {
         }
         s.current.store(rip, Relaxed);
         let recorder = s.recorder.load(Relaxed);
-        // SAFETY: it outlives the stepping, in which only this handler touches it; and the context is that of a trap.
+        // SAFETY: it outlives the stepping, in which only this handler touches it; and the context
+        // is that of a trap.
         let full = !recorder.is_null() && unsafe { (*recorder).trap(context) };
         let registers = &mut context.uc_mcontext.gregs;
         if done != 0 {
@@ -264,7 +351,8 @@ mod imp {
                 increment(&s.instructions);
                 let offset = done.wrapping_sub(s.entry.load(Relaxed));
                 if offset < s.bytes.load(Relaxed) {
-                    // SAFETY: `at` points to `bytes` counters that outlive the stepping and that only we touch in it.
+                    // SAFETY: `at` points to `bytes` counters that outlive the stepping and that
+                    // only we touch in it.
                     unsafe { *s.at.load(Relaxed).add(offset) += 1 };
                 }
                 if rsp > s.frame.load(Relaxed) {
@@ -284,8 +372,9 @@ mod imp {
         }
     }
 
-    /// Whether the instruction is a system call after which a trap would end a process: one that starts a thread or a
-    /// process, which inherits the flag, or changes the handling of the signal.
+    /// Whether the instruction is a system call after which a trap would end a process: one that
+    /// starts a thread or a process, which inherits the flag, or changes the handling of the
+    /// signal.
     ///
     /// # Safety
     /// An instruction begins at `code`.
@@ -303,12 +392,14 @@ mod imp {
             }
     }
 
-    /// Whether the instruction has a repeat prefix: then a trap that finds it again is its next iteration.
+    /// Whether the instruction has a repeat prefix: then a trap that finds it again is its next
+    /// iteration.
     ///
     /// # Safety
     /// An instruction begins at `code`.
     unsafe fn repeats(code: *const u8) -> bool {
-        // SAFETY: an instruction has at least one byte, and one that begins with the prefix 66 has a second.
+        // SAFETY: an instruction has at least one byte, and one that begins with the prefix 66 has
+        // a second.
         let first = unsafe {
             match *code {
                 0x66 => *code.add(1),
@@ -318,8 +409,9 @@ mod imp {
         matches!(first, 0xf2 | 0xf3)
     }
 
-    /// Does the rest of a `rep stos` except its last element, so that filling memory takes two traps and not one for
-    /// each element. Other instructions, and a downward direction, are left to the CPU.
+    /// Does the rest of a `rep stos` except its last element, so that filling memory takes two
+    /// traps and not one for each element. Other instructions, and a downward direction, are left
+    /// to the CPU.
     ///
     /// # Safety
     /// A repeated instruction begins at `code`, and is about to be executed with `registers`.
@@ -347,7 +439,8 @@ mod imp {
         }
         let value = registers[libc::REG_RAX as usize].to_le_bytes();
         for index in 0..left - 1 {
-            // SAFETY: the instruction is about to write these bytes itself; who may not, faults here as there.
+            // SAFETY: the instruction is about to write these bytes itself; who may not, faults
+            // here as there.
             unsafe { ptr::copy_nonoverlapping(value.as_ptr(), out.add(index * element), element) };
         }
         registers[libc::REG_RDI as usize] = out as libc::greg_t + ((left - 1) * element) as libc::greg_t;
@@ -397,10 +490,10 @@ mod imp {
         s.at.store(at.as_mut_ptr(), Relaxed);
         s.recorder.store(recorder.map_or(ptr::null_mut(), ptr::from_mut), Relaxed);
         let handled = with_handler(|| {
-            // SAFETY: the compiler has aligned the stack for a call and keeps nothing below rsp; flags are pushed and
-            // popped in pairs; `call` takes its argument in rdi and keeps to the convention whose clobbers are listed.
-            // The first trap comes after the call instruction, the last at the label behind it, where the handler
-            // takes the flag away.
+            // SAFETY: the compiler has aligned the stack for a call and keeps nothing below rsp;
+            // flags are pushed and popped in pairs; `call` takes its argument in rdi and keeps to
+            // the convention whose clobbers are listed. The first trap comes after the call
+            // instruction, the last at the label behind it, where the handler takes the flag away.
             unsafe {
                 asm!(
                     "lea rax, [rip + 2f]",
@@ -437,6 +530,74 @@ mod imp {
         Ok(Counts { total: s.total.load(Relaxed), visits })
     }
 
+    /// Runs `action` with the trap flag set in the kernels that this thread calls.
+    pub fn step_calls(recorder: &mut Recorder, action: impl FnOnce()) -> Result<(), Unavailable> {
+        if let Some(by) = tracer() {
+            return Err(Unavailable::Traced { by });
+        }
+        assert!(!COUNTING.get(), "what is counted must not count instructions itself");
+        let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        COUNTING.set(true);
+        let s = &SHARED;
+        s.frame.store(0, Relaxed);
+        s.lost.store(false, Relaxed);
+        s.recorder.store(ptr::from_mut(recorder), Relaxed);
+        let mut outcome = Ok(());
+        // SAFETY: `call_stepped` calls what it is given.
+        let stepped = || unsafe { calling_through(call_stepped, action) };
+        let handled = with_handler(|| outcome = panic::catch_unwind(AssertUnwindSafe(stepped)));
+        COUNTING.set(false);
+        s.recorder.store(ptr::null_mut(), Relaxed);
+        if let Err(panic) = outcome {
+            panic::resume_unwind(panic);
+        }
+        handled?;
+        if s.lost.load(Relaxed) { Err(Unavailable::Lost) } else { Ok(()) }
+    }
+
+    /// Calls a kernel with the trap flag set, in [`step_calls`].
+    ///
+    /// # Safety
+    /// The registers hold the arguments of its kind, and the CPU runs it.
+    unsafe fn call_stepped(code: Code, registers: Registers) -> u64 {
+        let [a, b, c, d, e, f] = registers;
+        let s = &SHARED;
+        s.current.store(0, Relaxed);
+        s.stopped.store(false, Relaxed);
+        let result;
+        // SAFETY: as in `run`, for a kernel with its arguments in the registers of the convention.
+        unsafe {
+            asm!(
+                "lea rax, [rip + 2f]",
+                "mov [r11], rax",
+                "mov rax, r10",
+                // Nothing that differs from run to run, where a step shows what a register was.
+                "xor r10d, r10d",
+                "xor r11d, r11d",
+                "pushfq",
+                "or qword ptr [rsp], {flag}",
+                "popfq",
+                "call rax",
+                "2:",
+                flag = const TRAP_FLAG,
+                out("rax") result,
+                inout("r11") s.stop.as_ptr() => _,
+                inout("r10") code => _,
+                inout("rdi") a => _,
+                inout("rsi") b => _,
+                inout("rdx") c => _,
+                inout("rcx") d => _,
+                inout("r8") e => _,
+                inout("r9") f => _,
+                clobber_abi("sysv64"),
+            );
+        }
+        if !s.stopped.load(Relaxed) {
+            s.lost.store(true, Relaxed);
+        }
+        result
+    }
+
     /// Runs `action` while SIGTRAP is handled by [`on_trap`] and not blocked, and restores both.
     fn with_handler(action: impl FnOnce()) -> Result<(), Unavailable> {
         let refused = || Unavailable::Handler { errno: std::io::Error::last_os_error().raw_os_error().unwrap_or(0) };
@@ -447,9 +608,9 @@ mod imp {
         handler.sa_flags = libc::SA_SIGINFO;
         let mut old_handler = MaybeUninit::uninit();
         let (mut trap, mut old_mask) = (MaybeUninit::uninit(), MaybeUninit::uninit());
-        // SAFETY: the sets and actions are ours, and each is written before it is read: sigemptyset, sigaction and
-        // pthread_sigmask fill what they are given. The handler has the signature that SA_SIGINFO asks for and calls
-        // nothing that a handler may not call.
+        // SAFETY: the sets and actions are ours, and each is written before it is read:
+        // sigemptyset, sigaction and pthread_sigmask fill what they are given. The handler has the
+        // signature that SA_SIGINFO asks for and calls nothing that a handler may not call.
         unsafe {
             libc::sigemptyset(trap.as_mut_ptr());
             libc::sigaddset(trap.as_mut_ptr(), libc::SIGTRAP);
@@ -499,7 +660,7 @@ mod imp {
 
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 mod imp {
-    use super::{Counts, Range, Recording, Unavailable, Visit};
+    use super::{Counts, Range, Recording, Unavailable, VisitRecord};
 
     /// Nothing can be recorded here.
     pub struct Recorder;
@@ -513,16 +674,20 @@ mod imp {
             Ok(Recorder)
         }
 
-        pub fn into_visits(self) -> (Vec<Visit>, bool) {
-            (Vec::new(), true)
+        pub fn into_visits(self) -> VisitRecord {
+            VisitRecord { visits: Vec::new(), complete: true }
         }
 
         pub fn into_recording(self) -> Recording {
-            Recording { moments: Vec::new(), executed: 0 }
+            Recording { moments: Vec::new(), executed: 0, crashed: None }
         }
     }
 
     pub fn run(_: usize, _: usize, _: Option<&mut Recorder>, _: impl FnOnce()) -> Result<Counts, Unavailable> {
+        Err(Unavailable::Platform)
+    }
+
+    pub fn step_calls(_: &mut Recorder, _: impl FnOnce()) -> Result<(), Unavailable> {
         Err(Unavailable::Platform)
     }
 

@@ -1,4 +1,5 @@
-//! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning and pages.
+//! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning
+//! and pages.
 
 use std::io;
 #[cfg(feature = "lab")]
@@ -27,8 +28,8 @@ use super::types::Plain;
 #[inline]
 pub fn tsc_start() -> u64 {
     use std::arch::x86_64::{_mm_lfence, _rdtsc};
-    // SAFETY: every x86-64 CPU has SSE2 and the counter; where an operating system forbade it, this would be a fault,
-    // not undefined behaviour.
+    // SAFETY: every x86-64 CPU has SSE2 and the counter; where an operating system forbade it, this
+    // would be a fault, not undefined behaviour.
     unsafe {
         _mm_lfence();
         let now = _rdtsc();
@@ -51,7 +52,8 @@ pub fn tsc_stop() -> u64 {
         return tsc_start();
     }
     let mut core = 0;
-    // SAFETY: the CPU has the instruction, as just asked; else as in tsc_start. `core` is ours to write.
+    // SAFETY: the CPU has the instruction, as just asked; else as in tsc_start. `core` is ours to
+    // write.
     unsafe {
         let now = __rdtscp(&mut core);
         _mm_lfence();
@@ -76,7 +78,8 @@ pub fn current_core() -> Option<usize> {
 pub fn is_ignored(signal: i32) -> bool {
     // SAFETY: numbers and an address that may be null, for which all bits 0 are a value.
     let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
-    // SAFETY: no new action is given, and the structure for the old one is ours to write; an unknown signal leaves it as it is.
+    // SAFETY: no new action is given, and the structure for the old one is ours to write; an
+    // unknown signal leaves it as it is.
     unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
     action.sa_sigaction == libc::SIG_IGN
 }
@@ -95,7 +98,8 @@ pub fn has_small_stack() -> bool {
 #[cfg(unix)]
 pub use at_start::is_open;
 
-/// Standard output and standard error before Rust's runtime opened `/dev/null` in place of closed descriptors.
+/// Standard output and standard error before Rust's runtime opened `/dev/null` in place of closed
+/// descriptors.
 #[cfg(unix)]
 mod at_start {
     use std::sync::atomic::{AtomicBool, Ordering};
@@ -111,15 +115,16 @@ mod at_start {
         }
     }
 
-    /// Called by the system before main; `look` needs nothing that main would have to prepare. Miri has no such descriptors.
+    /// Called by the system before main; `look` needs nothing that main would have to prepare. Miri
+    /// has no such descriptors.
     #[used]
     #[cfg(not(miri))]
     #[cfg_attr(target_vendor = "apple", unsafe(link_section = "__DATA,__mod_init_func"))]
     #[cfg_attr(not(target_vendor = "apple"), unsafe(link_section = ".init_array"))]
     static LOOK: extern "C" fn() = look;
 
-    /// Whether standard output (1) or standard error (2) was open when the process began. If not, what is printed there is
-    /// lost without an error.
+    /// Whether standard output (1) or standard error (2) was open when the process began. If not,
+    /// what is printed there is lost without an error.
     pub fn is_open(descriptor: usize) -> bool {
         ARE_OPEN[descriptor - 1].load(Ordering::Relaxed)
     }
@@ -131,9 +136,11 @@ pub fn is_open(_: usize) -> bool {
     true
 }
 
-/// A thread to be started, if there is memory for it: where that ends while a thread begins, the process does.
+/// A thread to be started, if there is memory for it: where that ends while a thread begins, the
+/// process does.
 pub fn new_thread() -> io::Result<std::thread::Builder> {
-    /// Its stack, what Rust and the system need before its first instruction, and what other threads take meanwhile.
+    /// Its stack, what Rust and the system need before its first instruction, and what other
+    /// threads take meanwhile.
     const ROOM: usize = 16 << 20;
     drop(memmap2::MmapMut::map_anon(ROOM)?);
     Ok(std::thread::Builder::new())
@@ -190,7 +197,8 @@ fn large_pages<T>(room: &mut Vec<T>) {
     let end = first + room.capacity() * size_of::<T>();
     let (first, end) = (first.next_multiple_of(LARGE), end / LARGE * LARGE);
     if first < end {
-        // SAFETY: whole pages within the vector's own memory; which size the system makes them of changes no content.
+        // SAFETY: whole pages within the vector's own memory; which size the system makes them of
+        // changes no content.
         unsafe { libc::madvise(first as *mut libc::c_void, end - first, libc::MADV_HUGEPAGE) };
     }
 }
@@ -301,12 +309,13 @@ pub fn thread_cpu_time() -> Duration {
 
 /// Multiplications in a round of [`multiply_in_chain`].
 pub const CHAIN_LINKS: u32 = 20;
-/// Cycles of the core's own clock from one 32-bit `imul` to the next that needs its result: 3 on every Intel core since
-/// Nehalem and every AMD core since Zen.
+/// Cycles of the core's own clock from one 32-bit `imul` to the next that needs its result: 3 on
+/// every Intel core since Nehalem and every AMD core since Zen.
 pub const CHAIN_LATENCY: u32 = 3;
 
-/// `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the previous result: as many times [`CHAIN_LATENCY`]
-/// cycles of the core's clock, whatever the rate of the time-stamp counter. `rounds` is at least 1.
+/// `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the previous result: as many
+/// times [`CHAIN_LATENCY`] cycles of the core's clock, whatever the rate of the time-stamp counter.
+/// `rounds` is at least 1.
 #[cfg(target_arch = "x86_64")]
 pub fn multiply_in_chain(rounds: u32) {
     let rounds = rounds.max(1);

@@ -1,4 +1,5 @@
-//! The arguments of the tile kernels: objects and their bounds, a tile and its chunks of set-up objects, its output.
+//! The arguments of the tile kernels: objects and their bounds, a tile and its chunks of set-up
+//! objects, its output.
 
 use std::ops::Range;
 
@@ -21,26 +22,26 @@ const MOST_ID: usize = 1 << 24;
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
 
-// The references prove the addresses of views and slices, of which kernels read and write what the tasks say; any bits
-// are values of what they write.
+// The references prove the addresses of views and slices, of which kernels read and write what the
+// tasks say; any bits are values of what they write.
 kinds! {
     /// Computes the bounds of triangles, or of spheres.
     Bounds<T: Bounded> as fn(
         &T::View, T::Many<'_>, u32, bool, &mut [Candidate],
-    ) -> (usize, Extremes);
+    ) -> CandidatesFound;
 
-    /// Writes the objects that may be visible to the front of `candidates`, in order, the first object having the id
-    /// `first_id` in the scene; returns their number, and the extremes of all objects. With `keep_all` all objects are
-    /// written. There must be room for all, up to a multiple of [`CHUNK`]. None if there is no object.
+    /// Writes the objects that may be visible to the front of `candidates`, in order, the first
+    /// object having the id `first_id` in the scene. With `keep_all` all objects are written. There
+    /// must be room for all, up to a multiple of [`CHUNK`]. None if there is no object.
     fn call(
         view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, candidates: &mut [Candidate],
-    ) -> Option<(usize, Extremes)>; |way| {
+    ) -> Option<CandidatesFound>; |way| {
         assert!(candidates.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
         assert!(first_id as usize + objects.len() <= MOST_ID, "f32 has every number up to here");
         if objects.is_empty() {
             return None;
         }
-        let (count, mut extremes) = match way {
+        let CandidatesFound { count, mut extremes } = match way {
             Way::Code(enter) => {
                 let (mut arrays, mut found) = (T::Arrays::ZERO, BoundsFound::NONE);
                 let [objects_at, vertices] = objects.addresses();
@@ -59,21 +60,21 @@ kinds! {
                 let past = first_id + objects.len() as u32;
                 let found_here = &candidates[..found.count as usize];
                 let last = found_here.iter().rposition(|candidate| candidate.id < past);
-                (last.map_or(0, |last| last + 1), found.extremes())
+                CandidatesFound { count: last.map_or(0, |last| last + 1), extremes: found.extremes() }
             }
             Way::Rust(find) => find(view, objects, first_id, keep_all, candidates),
         };
         let colours = objects.colours().flat_map(|colour| colour.to_array());
         extremes.brightest = colours.fold(extremes.brightest, above);
-        Some((count, extremes))
+        Some(CandidatesFound { count, extremes })
     }
 
     /// Partitions the objects of a tile.
     NearerHalf as fn(&[Candidate], &mut [Candidate], &mut [Candidate]) -> usize;
 
-    /// Copies those of `candidates` that are nearer than half way from the nearest to the farthest to the front of
-    /// `nearer`, and the others to that of `farther`, in order; returns how many are nearer. The memory after them is
-    /// overwritten. There must be room for all in both.
+    /// Copies those of `candidates` that are nearer than half way from the nearest to the farthest
+    /// to the front of `nearer`, and the others to that of `farther`, in order; returns how many
+    /// are nearer. The memory after them is overwritten. There must be room for all in both.
     fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |way| {
         assert!(nearer.len() >= candidates.len() && farther.len() >= candidates.len(), "either may get all");
         if candidates.is_empty() {
@@ -92,8 +93,9 @@ kinds! {
     /// Finds the nearest wall of a sphere around the camera or beside it.
     Around<E: Element> as fn(&AroundSphere<f64>, &mut [E; TILE_PIXELS], [u32; 2]);
 
-    /// Gives the pixels of the tile where nothing is nearer, and nothing equally near comes first, to this sphere,
-    /// which is the last object of `order`: the place in the scene of each object of the tile, and 0 for none.
+    /// Gives the pixels of the tile where nothing is nearer, and nothing equally near comes first,
+    /// to this sphere, which is the last object of `order`: the place in the scene of each object
+    /// of the tile, and 0 for none.
     fn call(sphere: &AroundSphere<f64>, window: &TileWindow, buffers: &mut TileBuffers<E>, order: &[u32]); |way| {
         window.check();
         let mut near = [E::ZERO; TILE_PIXELS];
@@ -110,13 +112,13 @@ kinds! {
         &TileView<f64>, TriangleChunk<'_>, &mut TriangleArrays, &mut TrianglePlanes<E>, &mut [TileShade<E>],
     );
 
-    /// Sets up a chunk of triangles in `buffers`. `shades` has as many for each id of the tile, from 0, as there are
-    /// lights; those of the chunk are written, and it grows if necessary.
+    /// Sets up a chunk of triangles in `buffers`. `shades` has as many for each id of the tile,
+    /// from 0, as there are lights; those of the chunk are written, and it grows if necessary.
     fn call(
         view: &TileView<f64>, triangles: TriangleChunk<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
     ); |way| {
         let TriangleChunk { triangles, lights, candidates, first_id } = triangles;
-        let (candidates, [ahead, later]) = chunk_of(candidates, triangles.len());
+        let PrefetchedChunk { candidates, ahead, later } = chunk_of(candidates, triangles.len());
         let arrays = &mut *buffers.triangles.arrays;
         if let TriangleList::Joined(faces) = triangles {
             faces.paint(candidates, [&mut arrays.red, &mut arrays.green, &mut arrays.blue]);
@@ -160,19 +162,21 @@ kinds! {
     /// Sets up spheres as planes over their own pixels.
     SphereSetUp<E: Element> as fn(&SphereView<f64>, SphereChunk<'_>, usize, &mut SphereArrays, &mut SpherePlanes<E>);
 
-    /// Sets up a chunk of spheres in `buffers`, of which the first has the id `first_id` in the tile.
+    /// Sets up a chunk of spheres in `buffers`, of which the first has the id `first_id` in the
+    /// tile.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, first_id: usize, buffers: &mut TileBuffers<E>,
     ); |way| {
         // There is room for a chunk, and so for the last packet of one.
         let Chunk { arrays, planes, count } = &mut buffers.spheres;
-        let (chunk, ahead) = spheres.chunk();
+        let prefetched = spheres.chunk();
+        let chunk = SphereChunk { candidates: prefetched.candidates, ..spheres };
         buffers.most = buffers.most.max(last_id(first_id, chunk.candidates.len()));
         *count = chunk.candidates.len();
         match way {
             Way::Code(enter) => {
                 let (planes, first_id) = (writes(&mut **planes), first_id as u64);
-                let task = SetupTask { planes, first_id, ..chunk.task(ahead, arrays) };
+                let task = SetupTask { planes, first_id, ..chunk.task(&prefetched, arrays) };
                 enter([reads(view), reads(&task), 0, 0, 0, 0]);
             }
             Way::Rust(set_up) => set_up(view, chunk, first_id, arrays, planes),
@@ -184,13 +188,14 @@ kinds! {
         &SphereView<f64>, SphereChunk<'_>, &[TileLight<f64>], bool, usize, &mut SphereRecords<E>,
     );
 
-    /// Makes the records of a chunk of spheres, from index `first` on, under these lights; if `short`, in the short
-    /// form where it is accurate enough, and otherwise in the long one.
+    /// Makes the records of a chunk of spheres, from index `first` on, under these lights; if
+    /// `short`, in the short form where it is accurate enough, and otherwise in the long one.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
         records: &mut SphereRecords<E>,
     ); |way| {
-        let (chunk, ahead) = spheres.chunk();
+        let prefetched = spheres.chunk();
+        let chunk = SphereChunk { candidates: prefetched.candidates, ..spheres };
         records.hold(1 + last_id(first, chunk.candidates.len()), lights.len());
         let enter = match way {
             Way::Code(enter) => enter,
@@ -203,35 +208,39 @@ kinds! {
             shorts: if short { writes(&mut records.shorts[before..]) } else { 0 },
             lights: reads(lights),
             light_count: lights.len() as u64,
-            ..chunk.task(ahead, &mut arrays)
+            ..chunk.task(&prefetched, &mut arrays)
         };
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
     }
 
     /// Finds the nearest of triangles, or of spheres.
     Nearest<P: InTile> as fn(
-        &mut Tile<P::Element>, (&P, &P::Arrays, usize), &[u32], &TileWindow, &TileGrid,
+        &mut Tile<P::Element>, SetUpObjects<'_, P, P::Arrays>, &[u32], &TileWindow, &TileGrid,
     );
 
-    /// Gives the pixels of the window where nothing is nearer, and nothing equally near comes first, to the objects
-    /// that were set up last: `order` has the place in the scene of each id of the tile, from 1, and 0 for none. If the
-    /// bounds of a triangle have at least `fewest_across` blocks in a row, those outside an edge are culled.
+    /// Gives the pixels of the window where nothing is nearer, and nothing equally near comes
+    /// first, to the objects that were set up last: `order` has the place in the scene of each id
+    /// of the tile, from 1, and 0 for none. If the bounds of a triangle have at least
+    /// `fewest_across` blocks in a row, those outside an edge are culled.
     fn call(
         buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid, fewest_across: u32,
     ); |way| {
         window.check();
         assert!(buffers.most < order.len(), "everyone has a place in the scene");
-        let (tile, Chunk { arrays, planes, count }) = P::in_tile(buffers);
+        let TileAndChunk { tile, chunk: Chunk { arrays, planes, count } } = P::in_tile(buffers);
         if *count == 0 {
             return;
         }
         let enter = match way {
             Way::Code(enter) => enter,
-            Way::Rust(find) => return find(tile, (planes, arrays, *count), order, window, grid),
+            Way::Rust(find) => {
+                return find(tile, SetUpObjects { planes, arrays, count: *count }, order, window, grid);
+            }
         };
         // Whole packets are read: the padding after the chunk is nowhere visible.
         P::columns(arrays)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
-        // There is room for a chunk and a tile, and the kernel clips all bounds to the window, which is within the tile.
+        // There is room for a chunk and a tile, and the kernel clips all bounds to the window,
+        // which is within the tile.
         let task = NearestTask {
             tile: writes(tile),
             arrays: reads(&**arrays),
@@ -259,7 +268,8 @@ kinds! {
     fn call(
         rays: &TileRays<E>, buffers: &TileBuffers<E>, shading: ShadingRecords<'_, E>, window: &TileWindow, out: TileOut<'_, P>,
     ); |way| {
-        // Every object of the tile has its shades or is a sphere with its lights, and the window's pixels are in `out`.
+        // Every object of the tile has its shades or is a sphere with its lights, and the window's
+        // pixels are in `out`.
         window.check();
         let ShadingRecords { shades, lights, sphere_ids, spheres, lits, shorts } = shading;
         let (objects, count) = (buffers.most + 1, lights.len());
@@ -312,7 +322,17 @@ fn for_each(objects: usize, lights: usize) -> usize {
     objects.checked_mul(lights).expect("as many records as memory can hold")
 }
 
-/// The extremes of a scene's objects. A NaN, and a negative colour or radius, is certainly among them.
+/// What is found of some objects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CandidatesFound {
+    /// The number of those that may be visible.
+    pub count: usize,
+    /// The extremes of all.
+    pub extremes: Extremes,
+}
+
+/// The extremes of a scene's objects. A NaN, and a negative colour or radius, is certainly among
+/// them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
     /// The greatest size, which is an object's greatest coordinate or radius.
@@ -373,7 +393,8 @@ impl BoundsFound {
     }
 }
 
-/// The pixels of each of many objects: the first column (row), and one past the last in the upper 16 bits.
+/// The pixels of each of many objects: the first column (row), and one past the last in the upper
+/// 16 bits.
 #[derive(Clone, Debug, Default)]
 pub struct PixelBounds {
     pub columns: Vec<u32>,
@@ -418,14 +439,28 @@ pub struct Chunk<T, P> {
     count: usize,
 }
 
-/// The set-up objects of a kind in a tile. Only kernels may use this, since the owner of a tile could give it another's
-/// objects: the trait has no name outside.
+/// Objects of one kind that are set up, as the kernels in Rust get them.
+pub struct SetUpObjects<'a, P, A> {
+    pub(super) planes: &'a P,
+    /// The same objects transposed.
+    pub(super) arrays: &'a A,
+    pub(super) count: usize,
+}
+
+/// The nearest objects of a tile, and those of one kind that were set up for it last.
+pub struct TileAndChunk<'a, E, A, P> {
+    tile: &'a mut Tile<E>,
+    chunk: &'a mut Chunk<A, P>,
+}
+
+/// The set-up objects of a kind in a tile. Only kernels may use this, since the owner of a tile
+/// could give it another's objects: the trait has no name outside.
 pub trait InTile: Sized {
     type Element: Element;
     /// The same objects transposed.
     type Arrays;
-    /// The nearest objects of a tile, and those of this kind that were set up for it last.
-    fn in_tile(buffers: &mut TileBuffers<Self::Element>) -> (&mut Tile<Self::Element>, &mut Chunk<Self::Arrays, Self>);
+    /// The tile, and the objects of this kind that were set up for it last.
+    fn in_tile(buffers: &mut TileBuffers<Self::Element>) -> TileAndChunk<'_, Self::Element, Self::Arrays, Self>;
     /// The objects' columns.
     fn columns(arrays: &mut Self::Arrays) -> &mut [u32; CHUNK];
 }
@@ -436,8 +471,8 @@ macro_rules! planes {
         impl<E: Element> InTile for $planes<E> {
             type Element = E;
             type Arrays = $arrays;
-            fn in_tile(buffers: &mut TileBuffers<E>) -> (&mut Tile<E>, &mut Chunk<$arrays, Self>) {
-                (&mut buffers.tile, &mut buffers.$field)
+            fn in_tile(buffers: &mut TileBuffers<E>) -> TileAndChunk<'_, E, $arrays, Self> {
+                TileAndChunk { tile: &mut buffers.tile, chunk: &mut buffers.$field }
             }
             fn columns(arrays: &mut $arrays) -> &mut [u32; CHUNK] {
                 &mut arrays.columns
@@ -449,7 +484,17 @@ macro_rules! planes {
 planes!(TrianglePlanes, TriangleArrays, triangles);
 planes!(SpherePlanes, SphereArrays, spheres);
 
-/// A tile's nearest objects, and its chunks of set-up triangles and spheres: half of a core's cache.
+/// The nearest object at a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestAtPixel<E> {
+    /// Its 1/t; 0 for none.
+    pub inverse_t: E,
+    /// Its id in the tile; 0 for none.
+    pub id: usize,
+}
+
+/// A tile's nearest objects, and its chunks of set-up triangles and spheres: half of a core's
+/// cache.
 pub struct TileBuffers<E> {
     tile: Box<Tile<E>>,
     triangles: Chunk<TriangleArrays, TrianglePlanes<E>>,
@@ -513,7 +558,8 @@ impl<E: Element> TileBuffers<E> {
         &self.spheres.planes
     }
 
-    /// Changes the 1/t of a triangle that was set up last: at the tile's middle, and per column and row.
+    /// Changes the 1/t of a triangle that was set up last: at the tile's middle, and per column and
+    /// row.
     pub fn set_inverse(&mut self, triangle: usize, [at_middle, across, down]: [E; 3]) {
         let planes = &mut self.triangles.planes;
         (planes.t0[triangle], planes.tx[triangle], planes.ty[triangle]) = (at_middle, across, down);
@@ -527,13 +573,14 @@ impl<E: Element> TileBuffers<E> {
         block * lanes + row % height * width + column % width
     }
 
-    /// 1/t and id at a pixel of the tile, for kernels of this many lanes.
-    pub fn pixel(&self, lanes: usize, column: usize, row: usize) -> (E, usize) {
+    /// The nearest object at a pixel of the tile, for kernels of this many lanes.
+    pub fn pixel(&self, lanes: usize, column: usize, row: usize) -> NearestAtPixel<E> {
         let i = Self::index(lanes, column, row);
-        (self.tile.near[i], self.tile.who[i].to_f64() as usize)
+        NearestAtPixel { inverse_t: self.tile.near[i], id: self.tile.who[i].to_f64() as usize }
     }
 
-    /// Makes the pixels outside a window nobody's and nearer than all objects: they do not affect the hierarchical depth.
+    /// Makes the pixels outside a window nobody's and nearer than all objects: they do not affect
+    /// the hierarchical depth.
     pub(crate) fn close_around(&mut self, lanes: usize, window: &TileWindow) {
         let (width, height) = (window.columns as usize, window.rows.start as usize..window.rows.end as usize);
         for row in 0..TILE_HEIGHT {
@@ -549,8 +596,9 @@ impl<E: Element> TileBuffers<E> {
         self.most > 0
     }
 
-    /// The hierarchical depth of the tile, whose blocks have this many lanes: the least 1/t of each square of [`PART_SIDE`]
-    /// pixels, row by row, 0 if a pixel has no hit; in f32, which preserves their order.
+    /// The hierarchical depth of the tile, whose blocks have this many lanes: the least 1/t of each
+    /// square of [`PART_SIDE`] pixels, row by row, 0 if a pixel has no hit; in f32, which preserves
+    /// their order.
     pub fn farthest(&self, lanes: usize) -> [f32; TILE_PARTS] {
         /// At least as many pixels of a square follow each other, whatever the lanes.
         const TOGETHER: usize = PART_SIDE;
@@ -575,8 +623,8 @@ impl<E: Element> TileBuffers<E> {
         })
     }
 
-    /// Gives pixels to the last object of the tile where its 1/t, which is `near` or 0, is greater than the pixel's, or
-    /// equal and it comes first: `order` has each one's place in the scene.
+    /// Gives pixels to the last object of the tile where its 1/t, which is `near` or 0, is greater
+    /// than the pixel's, or equal and it comes first: `order` has each one's place in the scene.
     fn keep_nearer(&mut self, near: &[E; TILE_PIXELS], order: &[u32]) {
         assert!(self.most < order.len(), "everyone has a place in the scene");
         let who = order.len() - 1;
@@ -634,7 +682,8 @@ impl<E: Element> TileBuffers<E> {
     /// Gives every id of a pixel a new number, below `end`: the one at its index.
     pub(crate) fn renumber(&mut self, numbers: &[u32], end: usize) {
         assert!(self.most < numbers.len() && end > 0);
-        // First, since a number past the end leaves the rest undone. Objects that are set up have the old ids.
+        // First, since a number past the end leaves the rest undone. Objects that are set up have
+        // the old ids.
         self.most = self.most.max(last_id(end - 1, 1));
         (self.triangles.count, self.spheres.count) = (0, 0);
         for who in &mut self.tile.who {
@@ -673,7 +722,8 @@ pub struct TriangleChunk<'a> {
     /// All triangles of the scene with shared corners, or all with their own.
     pub triangles: TriangleList<'a>,
     pub lights: &'a [TileLight<f64>],
-    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are prefetched.
+    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are
+    /// prefetched.
     pub candidates: &'a [Candidate],
     /// The id in the tile of the first of them.
     pub first_id: usize,
@@ -684,40 +734,48 @@ pub struct TriangleChunk<'a> {
 pub struct SphereChunk<'a> {
     /// All spheres of the scene.
     pub spheres: &'a [Sphere],
-    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are prefetched.
+    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are
+    /// prefetched.
     pub candidates: &'a [Candidate],
 }
 
-impl SphereChunk<'_> {
-    /// Only those of the chunk, and the numbers in the next two.
-    fn chunk(self) -> (Self, [u64; 2]) {
-        let (candidates, ahead) = chunk_of(self.candidates, self.spheres.len());
-        (SphereChunk { candidates, ..self }, ahead)
+impl<'a> SphereChunk<'a> {
+    /// Those of the chunk, and of what comes after it.
+    fn chunk(self) -> PrefetchedChunk<'a> {
+        chunk_of(self.candidates, self.spheres.len())
     }
 
-    /// The task of both kinds of set-up: the objects of the chunk, their arrays, and no output.
-    fn task(self, [ahead, later]: [u64; 2], arrays: &mut SphereArrays) -> SetupTask {
+    /// The task of both kinds of set-up: the objects of this chunk, which is followed as
+    /// `prefetched` says, their arrays, and no output.
+    fn task(self, prefetched: &PrefetchedChunk<'_>, arrays: &mut SphereArrays) -> SetupTask {
         let SphereChunk { spheres, candidates } = self;
         SetupTask {
             objects: reads(spheres),
             candidates: reads(candidates),
             count: candidates.len() as u64,
-            ahead,
-            later,
+            ahead: prefetched.ahead,
+            later: prefetched.later,
             arrays: writes(arrays),
             ..SetupTask::default()
         }
     }
 }
 
-/// The first candidates, which are a chunk of `objects`, and the numbers in the next two chunks, which are prefetched.
-fn chunk_of(candidates: &[Candidate], objects: usize) -> (&[Candidate], [u64; 2]) {
+/// The candidates of a chunk, and how many are in the next two chunks, which are prefetched.
+struct PrefetchedChunk<'a> {
+    candidates: &'a [Candidate],
+    ahead: u64,
+    later: u64,
+}
+
+/// The first of these candidates, which are a chunk of `objects`.
+fn chunk_of(candidates: &[Candidate], objects: usize) -> PrefetchedChunk<'_> {
     let (candidates, others) = candidates.split_at(candidates.len().min(CHUNK));
     let (ahead, others) = others.split_at(others.len().min(CHUNK));
     // Faces are read ahead, too, to prefetch their vertices.
     let most = candidates.iter().chain(ahead).map(|candidate| candidate.id).max();
     assert!(most.is_some_and(|most| (most as usize) < objects), "ids of objects");
-    (candidates, [ahead.len(), others.len().min(CHUNK)].map(|count| count as u64))
+    PrefetchedChunk { candidates, ahead: ahead.len() as u64, later: others.len().min(CHUNK) as u64 }
 }
 
 /// The shading records of the spheres that own a pixel.
@@ -731,7 +789,8 @@ pub struct SphereRecords<E> {
 }
 
 impl<E: Element> SphereRecords<E> {
-    /// Reserves memory for this many spheres and this many lights for each. It would grow by itself, but copy the content.
+    /// Reserves memory for this many spheres and this many lights for each. It would grow by
+    /// itself, but copy the content.
     pub(crate) fn hold(&mut self, spheres: usize, lights: usize) {
         fn grow<T: Plain>(records: &mut Vec<T>, len: usize) {
             records.resize(records.len().max(len), T::ZERO);
@@ -742,6 +801,13 @@ impl<E: Element> SphereRecords<E> {
         let lits = for_each(self.spheres.len(), lights);
         grow(&mut self.lits, lits);
         grow(&mut self.shorts, lits);
+    }
+
+    /// Forgets all records, which may be for another number of lights than the next ones.
+    pub(crate) fn clear(&mut self) {
+        self.spheres.clear();
+        self.lits.clear();
+        self.shorts.clear();
     }
 
     /// Copies the record at one index to another, without the `hidden` ones of its `lights`.
@@ -801,7 +867,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_number_of_a_tile_is_beyond_what_kernels_are_told_is_the_greatest() {
+    fn numbers_of_a_tile_are_within_the_told_greatest() {
         type Change = fn(&mut TileBuffers<f32>);
         let changes: [(&str, Change, usize); 4] = [
             ("a number that f32 has not", |buffers| buffers.keep_nearer(&[1.0; TILE_PIXELS], &vec![0; MOST_ID + 2]), 1),

@@ -1,4 +1,5 @@
-//! The packed types that Rust, C and NASM share; layout.inc has their offsets, which records.rs asserts.
+//! The packed types that Rust, C and NASM share; layout.inc has their offsets, which records.rs
+//! asserts.
 
 /// Types made only of numbers: every bit pattern is a value, and there is no padding.
 ///
@@ -15,7 +16,8 @@ pub fn bytes<T: Plain>(values: &[T]) -> &[u8] {
     unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), size_of_val(values)) }
 }
 
-/// A vector of three in one 128-bit register: x, y, z and a `w` that is 0 wherever the paper's macros expect a vector.
+/// A vector of three in one 128-bit register: x, y, z and a `w` that is 0 wherever the paper's
+/// macros expect a vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
 pub struct Vec4 {
@@ -33,7 +35,8 @@ pub struct Vec4 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Frame {
-    /// The light of a ray that hits nothing. The ladder's variants of Algorithm 1 take it for black, and `first` for 0.
+    /// The light of a ray that hits nothing. The ladder's variants of Algorithm 1 take it for
+    /// black, and `first` for 0.
     pub background: Vec4,
     /// Side of a pixel on the film.
     pub step: f32,
@@ -131,7 +134,8 @@ impl From<glam::Vec3> for Vec4 {
 macro_rules! plain {
     ($($type:ty = $zero:expr),* $(,)?) => {
         $(
-            // SAFETY: made of numbers that fill its size, as the offsets asserted in records.rs show.
+            // SAFETY: made of numbers that fill its size, as the offsets asserted in records.rs
+            // show.
             unsafe impl Plain for $type {
                 const ZERO: Self = $zero;
             }

@@ -1,4 +1,5 @@
-//! The arguments of operations on packets of vectors, and chains of operations to measure their latency and throughput.
+//! The arguments of operations on packets of vectors, and chains of operations to measure their
+//! latency and throughput.
 
 use std::marker::PhantomData;
 
@@ -16,8 +17,9 @@ pub struct Shape {
     pub out_numbers: usize,
 }
 
-/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is LANES of them. It is
-/// not `Copy`, since the owner of a copy could change the lengths that the kernel relies on.
+/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is
+/// LANES of them. It is not `Copy`, since the owner of a copy could change the lengths that the
+/// kernel relies on.
 pub struct PacketOp<E> {
     /// The operation's name, as in [`AosKernels`](super::AosKernels).
     pub name: &'static str,
@@ -29,7 +31,29 @@ pub struct PacketOp<E> {
     pub(super) kernel: Kernel<PhantomData<E>>,
 }
 
+/// The code of an operation on packets: to be read, also where the CPU lacks its instructions.
+pub struct PacketOpCode {
+    pub name: &'static str,
+    pub symbol: &'static str,
+    pub address: usize,
+    /// See [`PacketOp::lanes`].
+    pub lanes: usize,
+    /// See [`PacketOp::shape`].
+    pub shape: Shape,
+}
+
 impl<E: Element> PacketOp<E> {
+    /// What is known of its code.
+    pub fn code(&self) -> PacketOpCode {
+        PacketOpCode {
+            name: self.name,
+            symbol: self.symbol(),
+            address: self.address(),
+            lanes: self.lanes,
+            shape: self.shape,
+        }
+    }
+
     /// The symbol of its code.
     pub fn symbol(&self) -> &'static str {
         self.kernel.symbol()
@@ -42,7 +66,8 @@ impl<E: Element> PacketOp<E> {
     /// Writes the results for all packets of `a` and for `b` to `out`.
     ///
     /// # Panics
-    /// If the lengths are not those of the same number of whole packets, and of a record if there is one.
+    /// If the lengths are not those of the same number of whole packets, and of a record if there
+    /// is one.
     #[inline]
     pub fn call(&self, out: &mut [E], a: &[E], b: &[E]) {
         let packets = a.len() / (3 * self.lanes);
@@ -51,8 +76,8 @@ impl<E: Element> PacketOp<E> {
         let fits =
             a.len() == 3 * vectors && b.len() == b_numbers * vectors + record && out.len() == out_numbers * vectors;
         assert!(fits, "{} takes whole packets of {}, as many in each", self.name, self.lanes);
-        // SAFETY: all three have this many packets and `b` a record; the kernel asks for no alignment, reads and writes
-        // only those, and any bits are elements.
+        // SAFETY: all three have this many packets and `b` a record; the kernel asks for no
+        // alignment, reads and writes only those, and any bits are elements.
         unsafe { self.kernel.enter([writes(out), reads(a), reads(b), packets as u64, 0, 0]) };
     }
 }

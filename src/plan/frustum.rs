@@ -19,7 +19,8 @@ impl Frustum {
         Frustum::between([-half_width, half_width], [-half_height, half_height], focal)
     }
 
-    /// The frustum of the rays from one x to another and from one y to another, at the focal distance.
+    /// The frustum of the rays from one x to another and from one y to another, at the focal
+    /// distance.
     pub fn between([left, right]: [f64; 2], [low, high]: [f64; 2], focal: f64) -> Self {
         let sides = [
             DVec3::new(focal, 0.0, -right),

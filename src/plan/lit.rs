@@ -1,4 +1,5 @@
-//! One sphere under one light, the paper's own scene: its light in closed form, and the constants of its rows.
+//! One sphere under one light, the paper's own scene: its light in closed form, and the constants
+//! of its rows.
 
 use glam::DVec3;
 
@@ -10,20 +11,22 @@ use crate::kernels::{Element, LitSetup, LitSphere};
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Light, Scene, Sphere};
 
-/// The most by which the form may amplify the errors of its operations, see SPHERE_LIT. Estimates, which are right to
-/// 1.5 2^-12, then still cost at most three quarters of a level.
+/// The most by which the form may amplify the errors of its operations, see SPHERE_LIT. Estimates,
+/// which are right to 1.5 2^-12, then still cost at most three quarters of a level.
 const LOSS: f64 = 32.0;
 
 /// Elements count columns exactly up to this number.
 const WIDTH: u32 = 1 << 24;
 
-/// The most columns of half a silhouette; one column inside of it, p is then far above its rounding.
+/// The most columns of half a silhouette. p, which is 0 at its ends, is then far above its rounding
+/// one column inside.
 const COLUMNS: f64 = 1048576.0;
 
 /// A sphere whose |c|^2 - 1, in radii, is below this is less than sqrt 2 radii away.
 const NEAR: f64 = 1.0;
 
-/// The form multiplies three lengths, and the weight squared: below this, f32 holds the product.
+/// The form multiplies three lengths and the square of the weight. If each is below this, f32 holds
+/// the product.
 const CUBED: f64 = (1u64 << 36) as f64;
 
 /// The value of full light in the output.
@@ -36,7 +39,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// Both.
+    /// Every scale.
     const ALL: [Scale; 2] = [Scale::Linear, Scale::Levels];
 
     fn white(self) -> f64 {
@@ -47,71 +50,75 @@ impl Scale {
     }
 }
 
-/// A sphere seen from outside under one light, for SPHERE_LIT.
-#[derive(Clone, Copy, Debug)]
-pub struct LitForm {
-    /// The set-up of its rows, in each scale.
-    setups: [LitSetup<f64>; Scale::ALL.len()],
-    /// The constants that its rows share, in each scale.
-    spheres: [LitSphere<f64>; Scale::ALL.len()],
-    /// Whether red, green and blue are equal.
-    is_grey: bool,
-    /// Whether in that case one channel is computed in place of three, for which f32 has kernels.
-    makes_grey: bool,
+/// A sphere and a light as the camera sees them, in radii.
+struct LitView {
+    /// The centre, and its distance.
+    c: DVec3,
+    far: f64,
+    /// |c|^2 - 1.
+    k: f64,
+    /// The vector from the centre to the light, and its length.
+    towards: DVec3,
+    distance: f64,
+    /// The terms of the cosine and of the distance from the light.
+    kn: f64,
+    ke: f64,
+    /// k w + kn c, which is smaller than its terms by a factor of the length of c.
+    v: DVec3,
+    /// c.y^2 + c.z^2 - 1.
+    m: f64,
+    /// The ratio of sqrt D to sqrt p.
+    pixel: f64,
 }
 
-impl LitForm {
-    /// The form of a scene of one sphere in the picture under one light, whose numbers are valid. None for any other
-    /// scene, and if `keep` rules the form out, its terms would cancel too much, or it would have to clamp.
-    pub fn of<E: Element>(scene: &Scene, keep: Keep) -> Option<Self> {
-        let ([sphere], [light], 0) = (&scene.spheres[..], &lights(scene)[..], scene.triangle_count()) else {
-            return None;
-        };
-        let (grid, _) = unit_rays(scene.camera.grid());
-        let is_seen = Frustum::new(&grid).unseen_sphere(sphere) == Omission::Between;
-        if keep.has(Omission::Loop) || !is_seen || scene.camera.width() > WIDTH {
-            return None;
+impl LitView {
+    fn new(sphere: &Sphere, light: &Light, grid: &Grid<f64>) -> Self {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let c = centre / radius;
+        let towards = (light.position.as_dvec3() - centre) / radius;
+        let distance = towards.length();
+        let m = c.y * c.y + c.z * c.z - 1.0;
+        LitView {
+            c,
+            far: c.length(),
+            k: geometry::power(centre, radius) / (radius * radius),
+            towards,
+            distance,
+            kn: -1.0 - c.dot(towards),
+            ke: distance * distance - 1.0,
+            v: c.cross(towards.cross(c)) - towards - c,
+            m,
+            pixel: m.sqrt() * grid.step,
         }
-        let form = Self::new::<E>(sphere, light, &grid, &scene.camera)?;
-        Some(LitForm { makes_grey: size_of::<E>() == 4 && form.is_grey && !keep.has(Omission::Channels), ..form })
     }
 
-    fn new<E: Element>(sphere: &Sphere, light: &Light, grid: &Grid<f64>, camera: &Camera) -> Option<Self> {
-        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-        let (c, k) = (centre / radius, geometry::power(centre, radius) / (radius * radius));
-        let towards = (light.position.as_dvec3() - centre) / radius;
-        let weights = |scale: Scale| light.radiance() * (scale.white() * sphere.colour.as_dvec3());
-        let weight = weights(Scale::Linear).max_element();
-        let (far, distance) = (c.length(), towards.length());
-        let (kn, ke) = (-1.0 - c.dot(towards), distance * distance - 1.0);
-        // k w + kn c, which is smaller than its terms by a factor of the length of c.
-        let v = c.cross(towards.cross(c)) - towards - c;
+    /// Whether the form is accurate enough, and its numbers within the range of `E`, for lights of
+    /// these gains in each scale.
+    fn holds<E: Element>(&self, grid: &Grid<f64>, gain: [f64; Scale::ALL.len()], least: f64) -> bool {
+        let LitView { c, far, k, towards, distance, ke, m, pixel, .. } = *self;
         let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
         let loss = f64::max(terms / gap, (ke + 2.0 * terms) / (gap * gap));
-        let m = c.y * c.y + c.z * c.z - 1.0;
-        let columns = 1.0 / grid.step;
         // sqrt(k (g - across^2)) / m is half the width of the silhouette.
         let [_, y, z] = grid.ray(0, 0);
-        let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
-        let gain = Scale::ALL.map(|scale| 0.25 * weights(scale).max_element().powi(2));
-        // The ratio of sqrt D to sqrt p.
-        let pixel = m.sqrt() * grid.step;
-        // This share of the squared half-width is below p's rounding for the silhouette, below a column for a row.
-        let least = (E::EPSILON / 32.0 * (grid.focal / pixel).powi(2)).min(0.5);
+        let half_width = (k * (y * y + z * z)).sqrt() / m * (1.0 / grid.step);
         let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
-        // A bound of (ke den - n) den / p.
+        // An upper bound of (ke den - n) den / p, which f32 has to hold.
         let largest = 16.0 * gain[1] * (distance * far * reach / pixel).powi(2) / least;
         let in_range = [far, distance, 1.0 / grid.focal, 1.0 / gain[0]].into_iter().all(|x| x < CUBED)
             && E::from_f64(largest).to_f64().is_finite();
-        let fine = k >= NEAR && gap > 0.0 && loss < LOSS && m > 0.0 && weight <= 1.0 && in_range;
-        if !(fine && half_width < COLUMNS && reaches(c, towards)) {
-            return None;
-        }
-        let setups = gain.map(|gain| LitSetup {
+        let is_accurate = k >= NEAR && gap > 0.0 && loss < LOSS && m > 0.0;
+        is_accurate && in_range && half_width < COLUMNS && reaches(c, towards)
+    }
+
+    /// The set-up of rows.
+    fn setup(&self, grid: &Grid<f64>, camera: &Camera, gain: f64) -> LitSetup<f64> {
+        let LitView { c, k, v, m, pixel, .. } = *self;
+        let [_, _, z] = grid.ray(0, 0);
+        LitSetup {
             step: grid.step,
             half_width: grid.half_width,
             half_height: grid.half_height,
-            columns,
+            columns: 1.0 / grid.step,
             width: camera.width().into(),
             cx: c.x,
             cy: c.y,
@@ -127,22 +134,75 @@ impl LitForm {
             vx: v.x,
             vy: v.y,
             vzz: v.z * z,
-        });
-        let DVec3 { x: red, y: green, z: blue } = weights(Scale::Linear) / weight;
-        let spheres = Scale::ALL.map(|scale| {
-            let (setup, gain) = (&setups[scale as usize], gain[scale as usize]);
-            LitSphere {
-                h1: setup.cx * grid.step * setup.h,
-                least,
-                q1: setup.vx * grid.step * setup.q,
-                kn: 2.0 * gain * kn,
-                ke: gain * ke,
-                red,
-                green,
-                blue,
-            }
-        });
-        Some(LitForm { setups, spheres, is_grey: red == green && green == blue, makes_grey: false })
+        }
+    }
+
+    /// The constants that rows share.
+    fn sphere(&self, grid: &Grid<f64>, gain: f64, least: f64, colour: DVec3) -> LitSphere<f64> {
+        let LitView { c, v, kn, ke, pixel, .. } = *self;
+        LitSphere {
+            h1: c.x * grid.step * (1.0 / pixel),
+            least,
+            q1: v.x * grid.step * (2.0 * gain / pixel),
+            kn: 2.0 * gain * kn,
+            ke: gain * ke,
+            red: colour.x,
+            green: colour.y,
+            blue: colour.z,
+        }
+    }
+}
+
+/// A sphere seen from outside under one light, for SPHERE_LIT.
+#[derive(Clone, Copy, Debug)]
+pub struct LitForm {
+    /// The set-up of its rows, in each scale.
+    setups: [LitSetup<f64>; Scale::ALL.len()],
+    /// The constants that its rows share, in each scale.
+    spheres: [LitSphere<f64>; Scale::ALL.len()],
+    /// Whether red, green and blue are equal.
+    is_grey: bool,
+    /// Whether a grey sphere is made by kernels that compute one channel in place of three, which
+    /// f32 has.
+    makes_grey: bool,
+}
+
+impl LitForm {
+    /// The form of a scene of one sphere in the picture under one light, whose numbers are valid.
+    /// None for any other scene, and if `keep` rules the form out, its terms would cancel too much,
+    /// or it would have to clamp.
+    pub fn of<E: Element>(scene: &Scene, keep: Keep) -> Option<Self> {
+        let ([sphere], [light], 0) = (&scene.spheres[..], &lights(scene)[..], scene.triangle_count()) else {
+            return None;
+        };
+        let grid = unit_rays(scene.camera.grid()).grid;
+        let is_seen = Frustum::new(&grid).unseen_sphere(sphere) == Omission::Between;
+        if keep.has(Omission::Loop) || !is_seen || scene.camera.width() > WIDTH {
+            return None;
+        }
+        let form = Self::new::<E>(sphere, light, &grid, &scene.camera)?;
+        Some(LitForm { makes_grey: size_of::<E>() == 4 && form.is_grey && !keep.has(Omission::Channels), ..form })
+    }
+
+    fn new<E: Element>(sphere: &Sphere, light: &Light, grid: &Grid<f64>, camera: &Camera) -> Option<Self> {
+        let view = LitView::new(sphere, light, grid);
+        let weights = |scale: Scale| light.radiance() * (scale.white() * sphere.colour.as_dvec3());
+        let weight = weights(Scale::Linear).max_element();
+        let gain = Scale::ALL.map(|scale| 0.25 * weights(scale).max_element().powi(2));
+        // The p that takes the place of 0 where a root is estimated: a share of the silhouette's
+        // squared half-width that is below the rounding of p, and at most half a column.
+        let least = (E::EPSILON / 32.0 * (grid.focal / view.pixel).powi(2)).min(0.5);
+        let is_in_range = weight <= 1.0;
+        if !is_in_range || !view.holds::<E>(grid, gain, least) {
+            return None;
+        }
+        let colour = weights(Scale::Linear) / weight;
+        Some(LitForm {
+            setups: gain.map(|gain| view.setup(grid, camera, gain)),
+            spheres: gain.map(|gain| view.sphere(grid, gain, least, colour)),
+            is_grey: colour.x == colour.y && colour.y == colour.z,
+            makes_grey: false,
+        })
     }
 
     /// The set-up of its rows.
@@ -160,8 +220,8 @@ impl LitForm {
         self.makes_grey
     }
 
-    /// How much of an `omission` there is in `scene`, if `hits` pixels of its picture see the sphere; `bytes` says
-    /// whether 8 bits are written.
+    /// How much of an `omission` there is in `scene`, if `hits` pixels of its picture see the
+    /// sphere; `bytes` says whether 8 bits are written.
     pub(super) fn left_out(&self, omission: Omission, scene: &Scene, hits: u64, bytes: bool) -> u64 {
         let pixels = scene.camera.pixels();
         match omission {

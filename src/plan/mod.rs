@@ -1,8 +1,7 @@
 //! From a scene to a plan: the packed arrays that kernels read, and which work is omitted.
 
+mod cancel;
 mod frustum;
-#[cfg(feature = "lab")]
-mod hits;
 mod light;
 mod lit;
 mod omission;
@@ -13,25 +12,65 @@ mod team;
 mod tile_report;
 mod tiles;
 
-#[cfg(feature = "lab")]
-pub use hits::{InUnits, in_lanes, sphere_hit, triangle_hit};
+pub use cancel::Cancel;
 pub use light::lights;
 pub use lit::{LitForm, Scale};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
-pub use shadows::{Casters, Ends, LightSide, Shadows};
-pub use team::{MAX_THREADS, Team, on_all_cores};
+pub use shadows::{Casters, Ends, LightSide, Shadows, Window};
+pub use team::{Halved, MAX_THREADS, Team, on_all_cores};
 pub use tile_report::TileSurvey;
-pub use tiles::{ExactPlane, LargeInRow, LargeObjects, Raster, TilePlace, Tiles, Weighted};
+pub use tiles::bounds::BOX_MARGIN;
+pub use tiles::forms::{INVERSE_ROUNDINGS, STEEPEST};
+pub use tiles::{EDGE_ROUNDINGS, ExactPlane, LargeInRow, LargeObjects, TilePlace, Tiles, Weighted};
 
 use crate::scene::Grid;
 
-/// A grid of rays scaled by a power of two, and that power: rays of about length 1 keep their squares within the range
-/// of f32, and the factor is exact.
-fn unit_rays(grid: Grid<f64>) -> (Grid<f64>, f64) {
+/// How to plan. The pictures do not depend on it.
+#[derive(Clone, Copy, Default)]
+pub struct PlanOptions<'a> {
+    /// The omissions that must not be made.
+    pub keep: Keep,
+    /// The number of threads that plan; 0 means 1.
+    pub threads: usize,
+    /// What stops planning, if anything may: the rest is then skipped, and the plan is incomplete
+    /// and must not be used.
+    pub cancel: Option<&'a Cancel>,
+}
+
+impl PlanOptions<'_> {
+    /// Whether planning was stopped.
+    fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(Cancel::is_cancelled)
+    }
+}
+
+/// Moves those items that are kept to the front, in order, and returns their number. Without a
+/// branch for each, which the CPU would mispredict.
+#[inline(always)]
+pub fn compact<T: Copy>(items: &mut [T], mut is_kept: impl FnMut(&mut T) -> bool) -> usize {
+    let mut count = 0;
+    for i in 0..items.len() {
+        let mut item = items[i];
+        let keeps = is_kept(&mut item);
+        items[count] = item;
+        count += usize::from(keeps);
+    }
+    count
+}
+
+/// A grid of rays scaled by a power of two, and that power.
+struct UnitRays {
+    grid: Grid<f64>,
+    unit: f64,
+}
+
+/// Rays of about length 1: they keep their squares within the range of f32, and the factor is
+/// exact.
+fn unit_rays(grid: Grid<f64>) -> UnitRays {
     let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
-    (grid.scaled(unit), unit)
+    UnitRays { grid: grid.scaled(unit), unit }
 }
 
 /// The largest power of two that is at most `x`, which is positive and finite.

@@ -1,18 +1,20 @@
-//! Omissions: which work is left out, by name, the reason of each, and the set of those that are not to be made.
+//! Omissions: which work is left out, by name, the reason of each, and the set of those that are
+//! not to be made.
 
 /// How a picture can be made without an omission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// The same picture with more work: `--keep-all` makes it.
     Work,
-    /// Other arithmetic, and so a picture that may differ in its last bit; done only to see what the omission is worth.
+    /// Other arithmetic, and so a picture that may differ in its last bit; done only to see what
+    /// the omission is worth.
     Arithmetic,
     /// Not at all: there is no code for it.
     None,
 }
 
-/// Makes the enum and its functions from an entry for each: how a picture can be made without it, the unit of its count,
-/// the omitted work, and the reason.
+/// Makes the enum and its functions from an entry for each: how a picture can be made without it,
+/// the unit of its count, the omitted work, and the reason.
 macro_rules! omissions {
     ($($(#[$doc:meta])* $name:ident: $switch:ident, $unit:literal, $what:literal, $reason:literal;)*) => {
         /// Work that a picture does not need, decided once, before the first ray.
@@ -70,66 +72,68 @@ omissions! {
     EmptyTiles: Work, "tiles", "tiles with nothing in them", "no object's bounds meet them: they are filled with black";
     /// Objects in tiles that their bounds do not meet.
     OtherTiles: Work, "objects of tiles", "objects in other tiles",
-        "an object is looked at in those tiles alone that its bounds meet";
-    /// The set-up of objects behind the hierarchical depth of nearer ones in their tile: occlusion culling.
+        "an object is considered only in the tiles that its bounds meet";
+    /// The set-up of objects behind the hierarchical depth of nearer ones in their tile: occlusion
+    /// culling.
     Occluded: Work, "objects of tiles", "set-up of hidden objects",
-        "no point of them is as near as the farthest pixel that the nearer half of their tile leaves";
+        "nearer objects of the tile are in front of them at every pixel that they may cover";
     /// Tests of rays that cannot hit an object.
     Misses: Work, "rays against objects", "tests of rays that miss",
         "an object's outline bounds the pixels of each row that can see it";
     /// The search for the nearest hit if there is only one object.
     Search: None, "pixels", "searches for the nearest", "one object is alone in the pixel";
     /// The shading of hits that are not the nearest.
-    Hidden: Work, "hits", "shading of hidden hits", "the nearest hit of each pixel is known before any is shaded";
+    Hidden: Work, "pixels", "shading of hidden hits", "the nearest hit of each pixel is known before any is shaded";
     /// The shading of a tile's objects that are nearest at none of its pixels.
     Unseen: Work, "objects of tiles", "shading of what is not seen",
-        "set up in a tile, they are nearest at none of its pixels, which is known before any is shaded";
-    /// The question whether a light is hidden from a point of a surface that turns its back to it.
+        "they are the nearest object at no pixel of the tile, which is known before any pixel is shaded";
+    /// Shadow tests of points whose surface faces away from the light.
     Averted: None, "points and lights", "shadows of what faces away", "the law of shading has no light there to be hidden";
-    /// The same against an object that is on no way to the light.
+    /// Shadow tests against objects that are in no cell between the tile and the light.
     OtherCells: Work, "points against objects", "objects in other cells",
-        "a point is asked against those objects alone that its tile sees before a light";
-    /// Shadows where there is one object.
+        "a point is tested only against objects that may lie between its tile and the light";
+    /// Shadow tests in a scene of one object.
     Unhidden: None, "lights", "lights that nothing hides", "one object is alone, and hides no light from itself";
     /// Terms that are the same for every ray.
     Constants: None, "objects", "constant terms",
-        "every ray leaves the origin: c.c - r^2, planes and edges do not depend on it, more terms only on its row";
+        "every ray leaves the origin: c.c - r^2, planes and edges do not depend on the ray, other terms only on \
+         its row";
     /// The loop over lights, and the point and the normal, if one light reaches a sphere.
     Loop: Arithmetic, "objects", "loops over lights",
         "one light, no brighter than white, reaches the sphere: its cosine in closed form, without point, \
          normal and clamp";
     /// The second and third channel if all three are equal.
     Channels: Work, "objects", "equal channels",
-        "one light reaches the sphere, and its red, green and blue are equal on it";
+        "one light reaches the sphere, and the red, green and blue that it adds are equal";
     /// A picture in floats on the way to 8 bits.
     FloatImage: Arithmetic, "pixels", "float image", "the file has 8 bits: colours become levels in registers";
 }
 
-/// The omissions that are not to be made.
+/// The set of omissions that are not made: work that is done although the picture does not need it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Keep(u32);
 
 impl Keep {
-    /// All omissions are made.
+    /// The empty set: all omissions are made.
     pub const NOTHING: Keep = Keep(0);
 
-    /// No omission is made that keeps the arithmetic: brute force, with the same bytes.
+    /// All omissions without which the arithmetic is the same: brute force, with the same bytes.
     pub fn all() -> Keep {
         let work = Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
         work.fold(Keep::NOTHING, Keep::and)
     }
 
-    /// One alone is not made.
+    /// The set of one omission.
     pub const fn only(omission: Omission) -> Keep {
         Keep(1 << omission as u32)
     }
 
-    /// One more is not made.
+    /// The set with one more omission.
     pub fn and(self, omission: Omission) -> Keep {
         Keep(self.0 | Keep::only(omission).0)
     }
 
-    /// Whether the work of `omission` is to be done.
+    /// Whether the set has this omission, so that its work is to be done.
     pub const fn has(self, omission: Omission) -> bool {
         self.0 & Keep::only(omission).0 != 0
     }

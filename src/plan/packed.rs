@@ -14,7 +14,7 @@ pub struct Packed {
     lights: Vec<Light>,
     spheres: Vec<PaperSphere>,
     triangles: Vec<PaperTriangle>,
-    /// The indices of these triangles in the scene.
+    /// The index in the scene of each of `triangles`.
     sources: Vec<usize>,
 }
 
@@ -62,7 +62,8 @@ impl Packed {
         &self.frame
     }
 
-    /// The same with an index in place of each colour, which [`Packed::object`] can read.
+    /// A copy with the object's index in place of each colour, for [`Packed::object`]: the colour
+    /// of a pixel then says which object was hit.
     pub fn numbered(&self) -> Self {
         let mut numbered = self.clone();
         let number = |kind: f32, i: usize| Vec4::new((i % DIGIT) as f32, (i / DIGIT) as f32, kind);

@@ -1,16 +1,11 @@
 //! What a plan keeps and what it omits, counted: the lines of `rayo plan`.
 
-use std::ops::Range;
-
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::frustum::never_hit;
 use super::lit::LitForm;
 use super::omission::{Omission, Switch};
-use super::team::on_all_cores;
-use crate::reference::geometry;
-use crate::scene::{Grid, Scene};
+use crate::scene::Scene;
 
 /// The kept part of a scene, and each line of omitted work.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -85,18 +80,21 @@ impl LeftOut {
     pub(super) fn by_tiles(self) -> Self {
         match self.omission {
             Omission::NoArea => LeftOut {
-                reason: "their corners are on one line: set-up takes them as infinitely far, and no pixel is theirs",
+                reason: "their corners are on one line: set-up moves them infinitely far away, so that no pixel \
+                    shows them",
                 ..self
             },
             Omission::EdgeOn => LeftOut {
-                reason: "their plane passes through the camera: set-up takes them as infinitely far, and no pixel is theirs",
+                reason: "their plane passes through the camera: set-up moves them infinitely far away, so that no \
+                    pixel shows them",
                 ..self
             },
             Omission::Misses => {
                 LeftOut { reason: "an object's corners or outline bound the pixels that can see it", ..self }
             }
             Omission::Constants => LeftOut {
-                reason: "every ray leaves the origin: a sphere's terms are made once, a triangle's planes once in each tile",
+                reason: "every ray leaves the origin: a sphere's terms are computed once, a triangle's planes once in \
+                    each tile",
                 ..self
             },
             Omission::Loop => LeftOut {
@@ -110,7 +108,9 @@ impl LeftOut {
 }
 
 impl Report {
-    /// The report on `scene` for an engine that tests every ray against every object except for the omissions `made`.
+    /// The report on `scene` for an engine that tests every ray against every object except for the
+    /// omissions `made`.
+    #[doc(hidden)]
     pub fn of_rays(scene: &Scene, made: &[Omission]) -> Self {
         let unhit = |why| scene.all_triangles().filter(|triangle| never_hit(triangle) == Some(why)).count();
         let is_made = |omission| made.contains(&omission);
@@ -122,15 +122,17 @@ impl Report {
             Omission::NoArea => no_area as u64,
             Omission::EdgeOn => edge_on as u64,
             Omission::Constants => (kept.spheres + kept.triangles) as u64,
-            Omission::Hidden => hidden_hits(scene),
+            // With one object no hit is behind another.
+            Omission::Hidden if kept.spheres + kept.triangles > 1 => scene.camera.pixels(),
             _ => 0,
         };
         let made = Omission::ALL.into_iter().filter(|omission| is_made(*omission));
         Report::with(kept, None, made.map(|omission| LeftOut { count: count(omission), ..LeftOut::none(omission) }))
     }
 
-    /// The report on a scene that `form` traces; `hits` pixels see the sphere, and `bytes` says whether 8 bits are
-    /// written.
+    /// The report on a scene that `form` traces; `hits` pixels see the sphere, and `bytes` says
+    /// whether 8 bits are written.
+    #[doc(hidden)]
     pub fn of_lit(scene: &Scene, form: &LitForm, hits: u64, bytes: bool) -> Self {
         let line = |omission| {
             let count = form.left_out(omission, scene, hits, bytes);
@@ -195,57 +197,4 @@ pub fn grouped(number: u64, separator: char) -> String {
         text.push(digit);
     }
     text
-}
-
-/// The number of hits behind others, over all pixels.
-fn hidden_hits(scene: &Scene) -> u64 {
-    /// An object, and the pixels where it may be hit.
-    struct Object<'a> {
-        rows: Range<u32>,
-        columns: Range<u32>,
-        is_hit: Box<dyn Fn(DVec3) -> bool + Sync + 'a>,
-    }
-    let (camera, grid) = (&scene.camera, scene.camera.grid::<f64>());
-    let object = |[across, up]: [Option<[f64; 2]>; 2], is_hit| Object {
-        columns: pixels(across.map(|ends| ends.map(|x| x + grid.half_width)), &grid, camera.width()),
-        rows: pixels(up.map(|[low, high]| [high, low].map(|y| grid.half_height - y)), &grid, camera.height()),
-        is_hit,
-    };
-    let spheres = scene.spheres.iter().map(|sphere| {
-        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-        let c = centre / radius;
-        // |c x f - c z x| = sqrt(x^2 + f^2) at the outline, if all of it is in front of the camera.
-        let m = c.z * c.z - 1.0;
-        let outline = |c_x: f64| {
-            let root = (c_x * c_x + m).sqrt();
-            (c.z > 1.0).then(|| [c_x * c.z - root, c_x * c.z + root].map(|x| grid.focal * x / m))
-        };
-        object([c.x, c.y].map(outline), Box::new(move |d| geometry::sphere(d, centre, radius).is_some()))
-    });
-    let triangles = scene.all_triangles().map(|triangle| {
-        let corners = triangle.vertices.map(|v| v.as_dvec3());
-        let outline = |over_z: [f64; 3]| {
-            let ends = [over_z.into_iter().fold(f64::MAX, f64::min), over_z.into_iter().fold(f64::MIN, f64::max)];
-            corners.iter().all(|v| v.z > 0.0).then(|| ends.map(|x| grid.focal * x))
-        };
-        let outlines = [outline(corners.map(|v| v.x / v.z)), outline(corners.map(|v| v.y / v.z))];
-        object(outlines, Box::new(move |d| geometry::triangle(d, corners).is_some()))
-    });
-    let objects: Vec<_> = spheres.chain(triangles).collect();
-    let in_row = |row: usize| {
-        let row = row as u32;
-        let mut hits = vec![0_u64; camera.width() as usize];
-        for Object { columns, is_hit, .. } in objects.iter().filter(|object| object.rows.contains(&row)) {
-            columns.clone().for_each(|column| hits[column as usize] += u64::from(is_hit(grid.ray(row, column).into())));
-        }
-        hits.into_iter().map(|hits| hits.saturating_sub(1)).sum::<u64>()
-    };
-    on_all_cores(camera.height() as usize, in_row).into_iter().sum()
-}
-
-/// The pixels along a side of the picture from the first of these places to the second, and a few more; all if the
-/// places are unknown or a NaN.
-fn pixels(ends: Option<[f64; 2]>, grid: &Grid<f64>, side: u32) -> Range<u32> {
-    let [first, last] = ends.unwrap_or([f64::NAN; 2]).map(|place| place / grid.step - 0.5);
-    if first.is_nan() || last.is_nan() { 0..side } else { (first - 2.0) as u32..side.min((last + 3.0) as u32) }
 }

@@ -1,19 +1,23 @@
 //! What each light sees: the objects that may hide it, in the cells of six pictures around it.
 //!
-//! A light is a camera. The rays from all visible points to a light meet in it, so that what bounds and tiles do for the
-//! camera's rays they do for these: an object is in few cells of a cube around the light, and a point asks those of its tile's
-//! cells. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
-//! whose cells are about as large as it, in the one where it begins, and so reaches at most into the next ones.
+//! A light is a camera. The segments from all visible points to a light meet in it, as the camera's
+//! rays meet in the camera, so that objects can be found by their bounds here too: around the light
+//! is a cube, each side of which is a picture, divided into cells. An object is entered in few
+//! cells, and a point is tested only against the objects in the cells of its tile.
+//!
+//! How fine the cells are decides how long that takes, and no pixel. Each side has a pyramid of
+//! grids. An object is entered once, in the grid whose cells are about as large as it is and in the
+//! cell in which it begins; so it reaches at most into the next cells across and down.
 
 use std::ops::Range;
 
 use glam::{DVec3, Vec3A};
 
-use super::light;
 use super::team::Team;
+use super::{PlanOptions, light};
 use crate::kernels::{
-    Cast, CasterList, Extent, LightSideView, MOST_CASTERS, ObjectList as _, Plain as _, PointObject, SphereCaster,
-    TriangleArrays, TriangleCaster, TriangleList, own_number,
+    Cast, CasterList, Extent, LightSideView, MOST_CASTERS, MetCaster, ObjectList as _, Plain as _, PointObject,
+    SphereCaster, TriangleArrays, TriangleCaster, TriangleList, own_number,
 };
 use crate::reference::geometry;
 use crate::scene::{Scene, Sphere};
@@ -21,38 +25,45 @@ use crate::scene::{Scene, Sphere};
 /// The sides of a cube around a light: the axis of each, and its sign.
 const SIDES: [(usize, f64); 6] = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)];
 
-/// The finest cells, across a side.
+/// The number of cells across a side, and down, of the finest grid.
 const FINEST: u32 = 4096;
 
-/// Cells are not much smaller than what a group of pixels sees.
+/// Finer cells than this many pixels are not made: they would be smaller than what a group of
+/// pixels sees.
 const PIXELS_OF_A_CELL: u32 = 4;
 
-/// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
+/// A grid has at most this many cells for each of its objects. If a size of cells would have more,
+/// its objects are entered in a coarser grid.
 const CELLS_OF_AN_OBJECT: usize = 4;
 
-/// More objects of a cell are sorted by depth.
+/// The objects of a cell are sorted by depth if they are more than this.
 const FEW: u32 = 8;
 
-/// The rounding of a coordinate on a side, which is within 1.
+/// A bound of the rounding error of a coordinate on a side, which is from -1 to 1: three or four
+/// roundings each of an object's bounds and of a point.
 const SLACK: f64 = 8.0 * f64::EPSILON;
 
-/// What P's rounding, and that of products with it, may make of the power of a sphere.
+/// A bound of the rounding error of |P - c|^2 - r^2 in units of r times the sum of P's coordinates:
+/// of P itself, and of its products.
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// What rounding may make of a plane, for terms whose magnitudes have the sum 1.
+/// A bound of the rounding error of a plane at a point, in units of the sum of the terms'
+/// magnitudes.
 const PLANE_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// A point whose power for a sphere is so many times that of the light is much farther from the sphere than the light is.
+/// If |P - c|^2 - r^2 is so many times as large as the same of the light, P is much farther from
+/// the sphere than the light is.
 const FAR_POWER: f64 = 1_048_576.0;
 
-/// Triangles next to each other in the scene that are one object of a side, if they are also near each other.
+/// So many triangles that follow each other in the scene are entered as one object, if they are
+/// also near each other.
 const RUN: usize = 16;
 
-/// Objects that are next to each other in the scene.
+/// Objects that follow each other in the scene, and are entered as one.
 struct Run {
     /// The least and the greatest coordinates.
     ends: [DVec3; 2],
-    /// The first one's place in the scene, and how many they are.
+    /// The index of the first one in the scene, and how many they are.
     first: u32,
     count: u32,
 }
@@ -60,37 +71,38 @@ struct Run {
 /// The shadows of a scene.
 pub struct Shadows<'a> {
     scene: &'a Scene,
-    /// Those that are not dark.
+    /// The lights that are not dark.
     lights: Vec<LightView>,
 }
 
 /// What one light sees.
 struct LightView {
     position: DVec3,
-    /// Those with objects.
+    /// The sides with objects.
     sides: Vec<Side>,
 }
 
 /// The objects on a side of the cube.
 #[derive(Clone, Default)]
 struct Side {
-    /// In [`SIDES`].
+    /// The index in [`SIDES`].
     number: usize,
     view: LightSideView<f64>,
-    /// Grid by grid and cell by cell; those of a cell, if they are more than [`FEW`], from the nearest on.
+    /// The objects of the first cell of the first grid, then those of the next cell, and so on.
+    /// Within a cell of more than [`FEW`], from the nearest on.
     objects: Vec<Extent>,
-    /// Where the objects of each cell begin, and the end of the last.
+    /// For each cell the index in `objects` of its first one; and last, their number.
     starts: Vec<u32>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
 }
 
-/// The cells of one size with objects, row by row.
+/// The cells of one size, row by row.
 #[derive(Clone)]
 struct Grid {
-    /// The binary logarithm of a cell's side in the finest ones.
+    /// The binary logarithm of the side of a cell, in cells of the finest grid.
     coarseness: u32,
-    /// The first cell's number among those of all grids.
+    /// The index of the first cell among those of all grids.
     first: usize,
 }
 
@@ -102,32 +114,58 @@ pub struct LightSide<'a> {
     side: &'a Side,
 }
 
-/// The ends of points on a side, in cells, as the fields of `LitGroups` have them: greatest ones are negated.
+/// The bounds of points on a side, in cells: `past_x`, `past_y`, `x`, `y` and `depth` of
+/// `LitGroups`, where greatest values are negated, so that all are least values.
 pub type Ends = [f32; 5];
 
-/// Points with the same ends.
+/// The points of a tile or of a part of it, by their bounds.
 pub struct Window {
     ends: Ends,
-    /// The finest cells that they may be in: columns and rows.
+    /// The columns and rows of the cells of the finest grid that they may be in.
     cells: [Range<u32>; 2],
 }
 
-/// Objects as a light sees them.
+impl Window {
+    /// The middle cell of the window alone; the bounds stay those of all points.
+    pub fn middle(&self) -> Window {
+        let cells = self.cells.clone().map(|cells| {
+            let middle = cells.start.midpoint(cells.end - 1);
+            middle..middle + 1
+        });
+        Window { ends: self.ends, cells }
+    }
+
+    /// The least and the greatest coordinates of its points, in cells. Points beyond all cells have
+    /// no objects in front of them, and do not count.
+    pub fn corners(&self) -> [[f32; 2]; 2] {
+        let [past_x, past_y, x, y, _] = self.ends;
+        [[x, y].map(|x| x.max(0.0)), [-past_x, -past_y].map(|x| x.min(FINEST as f32))]
+    }
+}
+
+/// The casters of one query: objects that may hide a light from some points, as it sees them.
 pub struct Casters {
-    /// Spheres, or triangles of one kind.
+    /// Spheres, or triangles of one of the two kinds.
     pub list: CasterList,
-    pub spheres: Vec<SphereCaster<f64>>,
-    pub triangles: Vec<TriangleCaster<f64>>,
+    /// The records for the decision in f64, at the index that an object has in the list. Set only
+    /// for objects that some group of points meets.
+    pub spheres: Box<[SphereCaster<f64>]>,
+    pub triangles: Box<[TriangleCaster<f64>]>,
     arrays: Box<TriangleArrays>,
 }
 
-/// The greatest distance of an edge's ends beside the least one, from which the rounding of its middle matters near the latter.
+/// If one end of an edge is so many times as far away as the other, the rounding of the edge's
+/// middle matters near the nearer end.
 const FAR_BESIDE_NEAR: f64 = 1024.0;
 
 impl Default for Casters {
     fn default() -> Self {
-        let (list, spheres, triangles) = Default::default();
-        Casters { list, spheres, triangles, arrays: Box::new(TriangleArrays::ZERO) }
+        Casters {
+            list: CasterList::default(),
+            spheres: vec![SphereCaster::ZERO; MOST_CASTERS].into(),
+            triangles: vec![TriangleCaster::ZERO; MOST_CASTERS].into(),
+            arrays: Box::new(TriangleArrays::ZERO),
+        }
     }
 }
 
@@ -139,7 +177,7 @@ struct Bounds {
     depth: f64,
 }
 
-/// Of what is beside the light or around it.
+/// The bounds of an object that is beside the light or around it.
 const WHOLE: Bounds = Bounds { low: [-1.0; 2], high: [1.0; 2], depth: 0.0 };
 
 /// A vector in the axes of a side: across, down, and depth.
@@ -151,7 +189,8 @@ fn turned(v: DVec3, side: usize) -> [f64; 3] {
 }
 
 impl Bounds {
-    /// Those of a box, from its least coordinates to its greatest, with the light at 0; None if it is not on this side.
+    /// The bounds of a box, given by its least and its greatest coordinates with the light at 0.
+    /// None if the box is not on this side.
     #[inline(always)]
     fn of_box([low, high]: [DVec3; 2], side: usize) -> Option<Bounds> {
         let (a, b) = (turned(low, side), turned(high, side));
@@ -167,14 +206,15 @@ impl Bounds {
         Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: near }.clipped()
     }
 
-    /// Within the side, and wider by what rounding may move.
+    /// Widened by [`SLACK`], and cut to the side; None if nothing is left.
     fn clipped(self) -> Option<Bounds> {
         let (low, high) = (self.low.map(|x| (x - SLACK).max(-1.0)), self.high.map(|x| (x + SLACK).min(1.0)));
         (low[0] <= high[0] && low[1] <= high[1]).then_some(Bounds { low, high, ..self })
     }
 }
 
-/// The bounds of an object in cells. Rounding keeps the order of all numbers on a side: those of points are as well.
+/// The bounds of an object in cells, in f32. Points are rounded to f32 by the same operations,
+/// which keep the order of numbers: a point within the bounds stays within.
 fn extent(view: &LightSideView<f64>, of: &Bounds, Run { first, count, .. }: &Run) -> Extent {
     let at = |[x, y]: [f64; 2]| [((x - view.low_x) * view.scale_x) as f32, ((y - view.low_y) * view.scale_y) as f32];
     // The depth is rounded down.
@@ -188,7 +228,8 @@ fn cell(x: f32) -> u32 {
 }
 
 impl Side {
-    /// Of runs whose bounds are `whole`; the picture's longer side has so many `pixels`.
+    /// Enters runs on one side of a light. All of them together have the bounds `whole` there; the
+    /// picture's longer side has so many `pixels`.
     fn of(runs: &[Run], light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
         let (low, high) = (whole.low.map(|x| x - 4.0 * SLACK), whole.high.map(|x| x + 4.0 * SLACK));
         let [scale_x, scale_y] = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]));
@@ -208,8 +249,8 @@ impl Side {
     }
 }
 
-/// Where an object is: the first of the finest columns and rows; and the binary logarithm of the side of cells of which it is in
-/// at most two across and two down.
+/// Where an object is entered: the column and the row in the finest grid at which it begins, and
+/// the binary logarithm of the side of cells of which it meets at most two across and two down.
 #[derive(Clone, Copy)]
 struct Place {
     column: u16,
@@ -226,12 +267,13 @@ impl Place {
 }
 
 impl Grid {
-    /// Those of objects, from the `finest` coarseness on; and where in these the objects of each cell begin, and the objects.
+    /// Makes the grids for some objects, none finer than `finest`. Returns them with the `starts`
+    /// and the `objects` of [`Side`].
     fn of(unsorted: &[(Extent, Place)], finest: u32) -> (Vec<Grid>, Vec<u32>, Vec<Extent>) {
         const LEVELS: usize = 1 + FINEST.ilog2() as usize;
         let mut counts = [0; LEVELS];
         unsorted.iter().for_each(|(_, place)| counts[usize::from(place.level).max(finest as usize)] += 1);
-        // The grid of each level.
+        // `of_level` has the index of the grid of each level.
         let (mut grids, mut of_level, mut count, mut cells) = (Vec::new(), [0; LEVELS], 0, 0);
         for level in 0..LEVELS {
             of_level[level] = grids.len();
@@ -245,7 +287,9 @@ impl Grid {
         let cell = |place: &Place| {
             grids[of_level[usize::from(place.level)]].cell(u32::from(place.column), u32::from(place.row))
         };
-        // Of each cell first the number of its objects, two places later; then where the next of them goes, one place later.
+        // A counting sort. First `starts[cell + 2]` is the number of objects of a cell; after the
+        // sums, `starts[cell + 1]` is where its next object goes; and in the end, where its last
+        // one ends.
         let mut starts = vec![0; cells + 2];
         unsorted.iter().for_each(|(_, place)| starts[cell(place) + 2] += 1);
         let mut crowded = Vec::new();
@@ -268,7 +312,7 @@ impl Grid {
         (grids, starts, objects)
     }
 
-    /// The cell with one of the finest columns and rows.
+    /// The index of the cell that holds this column and row of the finest grid.
     fn cell(&self, column: u32, row: u32) -> usize {
         let Grid { coarseness, first } = self;
         first + ((row >> coarseness) * (FINEST >> coarseness) + (column >> coarseness)) as usize
@@ -279,7 +323,7 @@ impl Grid {
 fn runs(scene: &Scene) -> Vec<Run> {
     let sphere = |(sphere, first): (&Sphere, u32)| {
         let centre = sphere.centre.as_dvec3();
-        // A far one has less than the rounding of its centre.
+        // The radius of a far sphere may be less than the rounding of these sums.
         let radius = DVec3::splat(sphere.radius.into()) + f64::EPSILON * centre.abs();
         Run { ends: [centre - radius, centre + radius], first, count: 1 }
     };
@@ -308,7 +352,8 @@ fn runs(scene: &Scene) -> Vec<Run> {
     runs
 }
 
-/// The triangles of a scene, as kernels read them, and the place of the first of each list.
+/// Both lists of triangles, and the index in the scene, where spheres come first, of the first
+/// triangle of each.
 fn lists(scene: &Scene) -> [(TriangleList<'_>, u32); 2] {
     let (first, count) = (scene.spheres.len() as u32, scene.triangles.len() as u32);
     [(TriangleList::Apart(&scene.triangles), first), (TriangleList::Joined((&scene.faces).into()), first + count)]
@@ -322,8 +367,8 @@ fn corners(scene: &Scene, place: u32) -> [DVec3; 3] {
 }
 
 impl<'a> Shadows<'a> {
-    /// Those of all lights of a scene that are not dark.
-    pub fn new(scene: &'a Scene, team: &Team) -> Self {
+    /// Plans the shadows of all lights that are not dark.
+    pub fn new(scene: &'a Scene, options: PlanOptions<'_>) -> Self {
         let (runs, pixels) = (runs(scene), scene.camera.width().max(scene.camera.height()));
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let all = runs.iter().fold(none, |[low, high], run| [low.min(run.ends[0]), high.max(run.ends[1])]);
@@ -337,7 +382,11 @@ impl<'a> Shadows<'a> {
                 Some((light, (number, Bounds::of_box(all.map(|v| v - light), number)?), side))
             })
         });
+        let team = Team::up_to(options.threads);
         team.share(tasks.collect::<Vec<_>>().into_iter(), |(light, (number, whole), side)| {
+            if options.is_cancelled() {
+                return;
+            }
             *side = Side::of(&runs, light, (number, &whole), pixels);
         });
         let is_alone = scene.spheres.len() + scene.triangle_count() == 1;
@@ -345,7 +394,7 @@ impl<'a> Shadows<'a> {
         shadows
     }
 
-    /// How many objects may hide a light.
+    /// The number of objects that may hide a light.
     pub fn objects(&self, light: usize) -> u64 {
         if self.lights[light].sides.is_empty() {
             0
@@ -354,12 +403,12 @@ impl<'a> Shadows<'a> {
         }
     }
 
-    /// How many lights nothing hides.
+    /// The number of lights that no object can hide.
     pub fn unhidden(&self) -> u64 {
         self.lights.iter().filter(|light| light.sides.is_empty()).count() as u64
     }
 
-    /// Where the lights are.
+    /// The positions of the lights.
     pub fn lights(&self) -> impl ExactSizeIterator<Item = DVec3> {
         self.lights.iter().map(|light| light.position)
     }
@@ -370,13 +419,14 @@ impl<'a> Shadows<'a> {
         sides.iter().map(move |side| LightSide { scene: self.scene, position: *position, side })
     }
 
-    /// The object at this place in the scene, spheres first, as its visible points are found; None if no light reaches what is
-    /// visible of it: it is around the camera, or has no points.
+    /// The record by which the visible points of an object are found; `place` is its index in the
+    /// scene, spheres first. None if no light reaches what is visible of it: a sphere around the
+    /// camera, or a triangle that no ray hits.
     pub fn object(&self, place: usize) -> Option<PointObject<f64>> {
         let own = own_number(place as u32);
         let of = |DVec3 { x, y, z }: DVec3| PointObject { x, y, z, own, w: 1.0, ..PointObject::default() };
         let Some(sphere) = self.scene.spheres.get(place) else {
-            return geometry::plane_of_one(corners(self.scene, place as u32)).map(|(plane, _)| of(plane));
+            return geometry::plane_of_one(corners(self.scene, place as u32)).map(|plane| of(plane.p));
         };
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, k) = (radius * radius, geometry::power(c, radius));
@@ -387,7 +437,7 @@ impl<'a> Shadows<'a> {
 }
 
 impl<'a> LightSide<'a> {
-    /// How points are found on it.
+    /// The view of the kernels that find points and triangles on this side.
     pub fn view(&self) -> &LightSideView<f64> {
         &self.side.view
     }
@@ -408,44 +458,58 @@ impl<'a> LightSide<'a> {
         self.position.to_array()
     }
 
-    /// The cells of points with these ends; None if none is on this side, among objects.
+    /// The window of points with these bounds; None if none of them is on this side where objects
+    /// are.
     pub fn window(&self, ends: Ends) -> Option<Window> {
         let ([past_x, past_y, x, y, _], end) = (ends, FINEST as f32);
         (x <= end && y <= end && past_x <= 0.0 && past_y <= 0.0)
             .then(|| Window { ends, cells: [cell(x)..cell(-past_x) + 1, cell(y)..cell(-past_y) + 1] })
     }
 
-    /// Adds the objects in its cells that may be before its points, to spheres and to either kind of triangles.
-    pub fn gather(&self, Window { ends, cells }: &Window, all: &mut [Vec<&'a Extent>; 3]) {
-        let [past_x, past_y, x, y, depth] = *ends;
+    /// The number of objects in the cells of a window.
+    pub fn crowd(&self, window: &Window) -> usize {
+        self.rows(window).map(|starts| (starts[starts.len() - 1] - starts[0]) as usize).sum()
+    }
+
+    /// For each row of cells of each grid that a window meets, the indices at which its cells'
+    /// objects begin, and the end of the last.
+    fn rows(&self, Window { cells, .. }: &Window) -> impl Iterator<Item = &'a [u32]> {
+        self.side.grids.iter().flat_map(move |grid| {
+            // An object that begins one cell before may reach into the window.
+            let side = 1 << grid.coarseness;
+            let [columns, rows] = [0, 1].map(|i| cells[i].start.saturating_sub(side)..cells[i].end);
+            let rows = (rows.start >> grid.coarseness << grid.coarseness..rows.end).step_by(side as usize);
+            rows.map(move |row| &self.side.starts[grid.cell(columns.start, row)..grid.cell(columns.end - 1, row) + 2])
+        })
+    }
+
+    /// Adds the objects in the cells of a window that may be in front of its points, to the list of
+    /// their kind: spheres, and both kinds of triangles.
+    pub fn gather(&self, window: &Window, all: &mut [Vec<&'a Extent>; 3]) {
+        let [past_x, past_y, x, y, depth] = window.ends;
         let meets = |of: &&Extent| {
             let is_before = of.low[0] <= -past_x && of.low[1] <= -past_y && of.depth <= -depth;
             is_before && of.high[0] >= x && of.high[1] >= y
         };
         let [of_triangles, of_faces] = lists(self.scene).map(|(_, first)| first);
-        for grid in &self.side.grids {
-            // What begins in the cells before may reach into them.
-            let side = 1 << grid.coarseness;
-            let [columns, rows] = [0, 1].map(|i| cells[i].start.saturating_sub(side)..cells[i].end);
-            for row in (rows.start >> grid.coarseness << grid.coarseness..rows.end).step_by(side as usize) {
-                let of_row = grid.cell(columns.start, row)..grid.cell(columns.end - 1, row) + 2;
-                for ends in self.side.starts[of_row].windows(2) {
-                    let placed = &self.side.objects[ends[0] as usize..ends[1] as usize];
-                    let may_be_before = |of: &&Extent| placed.len() <= FEW as usize || of.depth <= -depth;
-                    for of in placed.iter().take_while(may_be_before).filter(meets) {
-                        all[usize::from(of.first >= of_triangles) + usize::from(of.first >= of_faces)].push(of);
-                    }
+        for starts in self.rows(window) {
+            for ends in starts.windows(2) {
+                let placed = &self.side.objects[ends[0] as usize..ends[1] as usize];
+                let may_be_before = |of: &&Extent| placed.len() <= FEW as usize || of.depth <= -depth;
+                for of in placed.iter().take_while(may_be_before).filter(meets) {
+                    all[usize::from(of.first >= of_triangles) + usize::from(of.first >= of_faces)].push(of);
                 }
             }
         }
     }
 
-    /// Lists the first of some objects of a kind as the light sees them, as many as there is room for; returns the others.
+    /// Makes casters of the first of these objects, all of one kind, as many as there is room for.
+    /// Returns the others.
     pub fn cast<'b>(
         &self,
         (kind, objects): (usize, &'b [&'a Extent]),
         kernel: &Cast,
-        Casters { list, spheres, arrays, .. }: &mut Casters,
+        Casters { list, arrays, .. }: &mut Casters,
     ) -> &'b [&'a Extent] {
         let mut room = MOST_CASTERS as u32;
         let mut fits = |object: &&Extent| {
@@ -459,23 +523,18 @@ impl<'a> LightSide<'a> {
         if let Some(of_triangles) = kind.checked_sub(1) {
             let (triangles, first) = lists(self.scene)[of_triangles];
             kernel.call(self.view(), self.axis(), triangles, first, arrays, list);
-        } else {
-            spheres.clear();
-            spheres.extend(now.iter().map(|object| self.sphere(object.first)));
         }
         later
     }
 
-    /// Makes the triangles that groups of points meet.
-    pub fn make_met(&self, Casters { list, triangles, .. }: &mut Casters) {
-        let mut numbers = [None; MOST_CASTERS];
-        triangles.clear();
-        list.renumber(|at, place| {
-            *numbers[at].get_or_insert_with(|| {
-                triangles.push(self.triangle(place));
-                (triangles.len() - 1) as u8
-            })
-        });
+    /// Makes the records for the decision in f64, of those casters that some group of points meets.
+    pub fn make_met(&self, Casters { list, spheres, triangles, .. }: &mut Casters) {
+        for MetCaster { number, place } in list.each_met() {
+            match self.scene.spheres.get(place as usize) {
+                Some(sphere) => spheres[number] = self.sphere(sphere, place),
+                None => triangles[number] = self.triangle(place),
+            }
+        }
     }
 
     /// A triangle as the light sees it, at this place in the scene.
@@ -488,13 +547,14 @@ impl<'a> LightSide<'a> {
         };
         let distances = [light, DVec3::ZERO].map(|from| corners.map(|v| (v - from).abs().max_element()));
         let nearer = |i: usize, j: usize, from: usize| if distances[from][j] < distances[from][i] { j } else { i };
-        // A rule for edges alone: triangles that share one have the same plane.
+        // An edge's plane, through the light and both ends, depends on the edge alone, so that two
+        // triangles that share an edge have the same one up to its sign.
         let edge = |i: usize, j: usize| {
             let (v, w) = (corners[i], corners[j]);
             let is_near = |of: [f64; 3]| of[i].max(of[j]) > of[i].min(of[j]) * FAR_BESIDE_NEAR;
             let (mut seen, mut known) = (0.5 * (v + w), 0.5 * (v + w));
             if distances.into_iter().any(is_near) {
-                // The rounding of its middle matters: it is taken through its ends.
+                // The middle's rounding would matter: the plane is taken through the ends instead.
                 let nearest = nearer(i, j, 1);
                 let is_light = light.abs().max_element() < distances[1][nearest];
                 (seen, known) = (corners[nearer(i, j, 0)], if is_light { light } else { corners[nearest] });
@@ -528,13 +588,13 @@ impl<'a> LightSide<'a> {
     }
 
     /// A sphere as the light sees it, at this place in the scene.
-    fn sphere(&self, place: u32) -> SphereCaster<f64> {
-        let sphere: &Sphere = &self.scene.spheres[place as usize];
+    fn sphere(&self, sphere: &Sphere, place: u32) -> SphereCaster<f64> {
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let l = c - self.position;
         let (r2, of_light) = (radius * radius, geometry::power(l, radius));
         let is_outside = of_light > 0.0;
-        // Points of a large sphere may be so near that |P - c|^2 - r^2 loses them.
+        // Points near a large sphere are lost in the rounding of |P - c|^2 - r^2. For such a sphere
+        // it is P . (P - 2 c), and |c|^2 - r^2 from exact squares.
         let is_large = c.dot(c) < 4.0 * r2;
         let (u, w, k) = if is_large { (DVec3::ZERO, 2.0 * c, geometry::power(c, radius)) } else { (c, c, -r2) };
         SphereCaster {

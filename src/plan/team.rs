@@ -11,22 +11,26 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder, Yield};
 
+use crate::kernels::StandardFloats;
 use crate::kernels::sys::{cores, new_thread};
 
-/// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
+/// An idle thread stays awake for so long before it sleeps: to wake it takes up to 0.7 ms, the time
+/// of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
 
-/// The most threads of a team: more than machines have cores. Four times as many look for work in each other's queues for minutes.
+/// The most threads of a team, more than machines have cores. Four times as many would search each
+/// other's queues for minutes.
 pub const MAX_THREADS: usize = 1024;
 
-/// A thread, and others that help it.
+/// The thread that calls, and others that help it.
 pub struct Team {
-    /// The other threads, if there are any, and the thread that created the team, unless it belongs to another pool.
+    /// The other threads, if there are any, and the thread that created the team, unless it belongs
+    /// to another pool.
     pool: Option<ThreadPool>,
     others: usize,
 }
 
-/// The team requested last, and of how many threads it was to be.
+/// The team that was requested last, and the number of threads that was requested.
 static LAST: Mutex<Option<(usize, Arc<Team>)>> = Mutex::new(None);
 
 impl Team {
@@ -35,8 +39,9 @@ impl Team {
         Team { pool: None, others: 0 }
     }
 
-    /// A team of this many threads, at least 1; of fewer where the system gives no more. The one requested last, if it is for as
-    /// many, so that planning and tracing need not start threads of their own.
+    /// A team of at most this many threads, and at least 1: fewer where the system gives no more.
+    /// It is the team that was requested last if that was for as many, so that planning and tracing
+    /// share their threads.
     pub fn up_to(threads: usize) -> Arc<Self> {
         if threads <= 1 {
             return Arc::new(Team::alone());
@@ -51,7 +56,7 @@ impl Team {
         team
     }
 
-    /// The same of no fewer.
+    /// A team of this many threads, as [`up_to`](Self::up_to), but not of fewer.
     ///
     /// # Errors
     /// How many there are, if the system gives fewer.
@@ -63,16 +68,17 @@ impl Team {
         if team.threads() >= threads {
             return Ok(team);
         }
-        // There may be more the next time.
+        // The system may give more threads the next time.
         *LAST.lock().unwrap_or_else(PoisonError::into_inner) = None;
         Err(team.threads())
     }
 
-    /// This thread, and up to so many others. These are started before there is a pool, which has none to lose.
+    /// Starts up to so many other threads, and then a pool of as many as there are: building a pool
+    /// fails if one of its threads cannot be started.
     fn start(others: usize) -> Self {
         let started = (0..others).map_while(|_| {
             let (give, take) = mpsc::channel::<ThreadBuilder>();
-            let thread = new_thread().and_then(|thread| thread.spawn(move || take.recv().map(ThreadBuilder::run)));
+            let thread = new_thread().and_then(|thread| thread.spawn(move || take.recv().map(run_in_pool)));
             thread.is_ok().then_some(give)
         });
         let mut started: Vec<_> = started.collect();
@@ -91,20 +97,21 @@ impl Team {
         1 + self.others
     }
 
-    /// Has all threads take tasks until none is left. This one takes part, from the front: it need not wait until
-    /// another is awake, nor at the end for one that has not begun because other programs use its core. The others take
-    /// tasks from the back, so that two threads find in their caches what they wrote last time.
+    /// Has all threads take tasks until none is left. This one takes part, from the front: it need
+    /// not wait until another is awake, nor at the end for one that has not begun because other
+    /// programs use its core. The others take tasks from the back, so that two threads find in
+    /// their caches what they wrote last time.
     pub fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
-        self.share_with(tasks, |task| (task, None), || (), |(), task| work(task));
+        self.share_with(tasks, Halved::whole, || (), |(), task| work(task));
     }
 
-    /// The same; the thread that takes the last task `halve`s it if possible, and leaves the rest, so that all threads
-    /// finish at about the same time. Each thread that takes a task keeps a state from `begin` until its last one;
-    /// returns them.
+    /// As [`share`](Self::share), but the thread that takes the last task takes half of it, by
+    /// `halve`, and leaves the rest, so that all threads finish at about the same time. Each thread
+    /// that takes a task makes a state by `begin`, which its tasks share. Returns these states.
     pub fn share_with<T: Send, S: Send>(
         &self,
         tasks: impl Iterator<Item = T>,
-        halve: impl Fn(T) -> (T, Option<T>) + Sync,
+        halve: impl Fn(T) -> Halved<T> + Sync,
         begin: impl Fn() -> S + Sync,
         work: impl Fn(&mut S, T) + Sync,
     ) -> Vec<S> {
@@ -117,34 +124,37 @@ impl Team {
         let queue = Queue { tasks: Mutex::new(tasks.collect()), halve };
         let done = AtomicUsize::new(0);
         let of_others = Mutex::new(Vec::new());
+        let work_there = || {
+            let mut theirs = None;
+            while let Some(task) = queue.take(VecDeque::pop_back) {
+                work(theirs.get_or_insert_with(&begin), task);
+            }
+            of_others.lock().unwrap_or_else(PoisonError::into_inner).extend(theirs);
+            done.fetch_add(1, Ordering::Release);
+        };
         pool.in_place_scope(|scope| {
             for _ in 0..self.others {
-                scope.spawn(|_| {
-                    let mut theirs = None;
-                    while let Some(task) = queue.take(VecDeque::pop_back) {
-                        work(theirs.get_or_insert_with(&begin), task);
-                    }
-                    of_others.lock().unwrap_or_else(PoisonError::into_inner).extend(theirs);
-                    done.fetch_add(1, Ordering::Release);
-                });
+                scope.spawn(|_| work_there());
             }
             while let Some(task) = queue.take(VecDeque::pop_front) {
                 work_here(task);
             }
-            // Threads that have not begun find nothing left: if it is of the pool, this one runs their jobs.
+            // For threads that have not begun nothing is left. If this thread belongs to the pool,
+            // it runs their jobs, which end at once.
             while rayon::yield_local() == Some(Yield::Executed) {}
             wait_a_while(|| done.load(Ordering::Acquire) == self.others);
         });
         own.into_iter().chain(of_others.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
     }
 
-    /// Has the other threads linger when they become idle.
+    /// Keeps the other threads awake for a while when they become idle; see [`linger`].
     pub fn keep_awake(&self) {
         let Some(pool) = &self.pool else { return };
         let here = thread::current().id();
         for _ in 0..self.others {
             pool.spawn(move || {
-                // This thread has other work, and may run this job while it waits.
+                // This thread may run the job while it waits for others. It has work, and does not
+                // linger.
                 if thread::current().id() != here {
                     linger();
                 }
@@ -153,24 +163,45 @@ impl Team {
     }
 }
 
-/// The results of `work` for each number below `count`, in order, on a thread for each core; on the calling one alone
-/// if others cannot be started. They are started the first time, and stay.
+/// Runs a thread of a pool with the floating-point settings that Rust assumes: a library of the
+/// host may have changed those of each new thread.
+fn run_in_pool(thread: ThreadBuilder) {
+    let _floats = StandardFloats::set();
+    thread.run();
+}
+
+/// The results of `work` for each number below `count`, in order, computed on a thread for each
+/// core. The threads are started by the first call, and stay; if they cannot be started, the
+/// calling thread does all.
 pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
     static ALL: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    let start = |thread: ThreadBuilder| new_thread()?.spawn(|| thread.run()).map(drop);
+    let start = |thread: ThreadBuilder| new_thread()?.spawn(|| run_in_pool(thread)).map(drop);
     match ALL.get_or_init(|| ThreadPoolBuilder::new().num_threads(cores()).spawn_handler(start).build().ok()) {
         Some(all) => all.install(|| (0..count).into_par_iter().map(work).collect()),
         None => (0..count).map(work).collect(),
     }
 }
 
-/// Tasks that have not been taken.
+/// A task in two parts, if it can be divided.
+pub struct Halved<T> {
+    pub first: T,
+    pub rest: Option<T>,
+}
+
+impl<T> Halved<T> {
+    /// A task that is not divided.
+    pub fn whole(task: T) -> Self {
+        Halved { first: task, rest: None }
+    }
+}
+
+/// The tasks that no thread has taken yet.
 struct Queue<T, H> {
     tasks: Mutex<VecDeque<T>>,
     halve: H,
 }
 
-impl<T, H: Fn(T) -> (T, Option<T>)> Queue<T, H> {
+impl<T, H: Fn(T) -> Halved<T>> Queue<T, H> {
     /// The task at one end; half of it if it is the last one.
     fn take(&self, pop: fn(&mut VecDeque<T>) -> Option<T>) -> Option<T> {
         let mut tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner);
@@ -178,16 +209,16 @@ impl<T, H: Fn(T) -> (T, Option<T>)> Queue<T, H> {
         if !tasks.is_empty() {
             return Some(task);
         }
-        let (half, rest) = (self.halve)(task);
+        let Halved { first, rest } = (self.halve)(task);
         tasks.extend(rest);
-        Some(half)
+        Some(first)
     }
 }
 
-/// Has a thread of a pool look for work until [`LINGER`] after it last had some.
+/// Keeps a thread of a pool looking for work until it has found none for [`LINGER`].
 fn linger() {
     thread_local!(static LINGERS: Cell<bool> = const { Cell::new(false) });
-    // A lingering thread may find another one of these jobs.
+    // The work that a lingering thread finds may be another one of these jobs.
     if LINGERS.replace(true) {
         return;
     }
@@ -223,8 +254,8 @@ mod tests {
             for count in [0, 1, 2, 1000] {
                 let tasks = (0..count).step_by(10).map(|start| start..count.min(start + 10));
                 let halve = |task: Range<usize>| match task.start + task.len() / 2 {
-                    middle if middle > task.start => (task.start..middle, Some(middle..task.end)),
-                    _ => (task, None),
+                    middle if middle > task.start => Halved { first: task.start..middle, rest: Some(middle..task.end) },
+                    _ => Halved::whole(task),
                 };
                 let work = |kept: &mut Vec<_>, task: Range<usize>| kept.extend(task);
                 let kept = team.share_with(tasks, halve, Vec::new, work);
@@ -237,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn more_threads_than_any_system_gives_are_refused_before_one_is_started() {
+    fn too_many_threads_are_refused_before_one_starts() {
         assert_eq!(Team::of(1 << 40).err(), Some(MAX_THREADS));
     }
 

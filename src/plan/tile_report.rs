@@ -21,7 +21,9 @@ pub struct TileSurvey {
     pub unseen: u64,
     /// Spheres in the picture that have the short form in bytes.
     pub short: u64,
-    /// Points that face away from lights; the others against all objects that may hide a light; and these are asked.
+    /// Shadow tests, each of a point against an object that may hide a light. First the points that
+    /// face away from a light; then the tests of all others against all objects; and of these the
+    /// ones that were made.
     pub averted: u64,
     pub facing: u64,
     pub asked: u64,
@@ -43,8 +45,8 @@ impl TileSurvey {
     }
 }
 
-/// The numbers of objects of a kind that each omission drops; the number of those kept, and the pixels within their
-/// bounds.
+/// The numbers of objects of a kind that each omission drops; the number of those kept, and the
+/// pixels within their bounds.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     left_out: [u64; Omission::ALL.len()],
@@ -69,18 +71,18 @@ impl Counts {
         Counts { kept: self.kept + other.kept, covered: self.covered + other.covered, ..self }
     }
 
-    /// Counts all objects: `unseen` says why one without pixels is dropped, `why` whether one with some is.
+    /// Counts all objects: `unseen` says why one without pixels is dropped, `why` whether one with
+    /// some is.
     fn of<T>(
         count: usize,
         object: impl Fn(usize) -> T + Sync,
-        bounds: &[PixelBounds],
+        bounds: &PixelBounds,
         unseen: impl Fn(&T) -> Omission + Sync,
         why: impl Fn(&T) -> Option<Omission> + Sync,
     ) -> Self {
         /// The number that a thread takes at a time.
         const TOGETHER: usize = 1 << 12;
-        let pixels = |i: usize| bounds.iter().map(|bounds| covered(bounds.columns[i], bounds.rows[i])).sum();
-        let add = |sum: Counts, i: usize| match pixels(i) {
+        let add = |sum: Counts, i: usize| match covered(bounds.columns[i], bounds.rows[i]) {
             0 => sum.one(Some(unseen(&object(i))), 0),
             covered => sum.one(why(&object(i)), covered),
         };
@@ -89,59 +91,89 @@ impl Counts {
     }
 }
 
+/// What was counted of a scene that is traced in tiles.
+struct Tally {
+    spheres: Counts,
+    triangles: Counts,
+    survey: TileSurvey,
+    /// Whether the engine writes 8 bits.
+    bytes: bool,
+    /// The number of dark lights.
+    dark: u64,
+    /// The number of objects that hide no light.
+    unhidden: u64,
+    /// The number of objects times that of tiles.
+    in_all_tiles: u64,
+    /// The number of pixels of the picture.
+    pixels: u64,
+}
+
+impl Tally {
+    /// How much of an omission there is.
+    fn left_out(&self, omission: Omission) -> u64 {
+        let Tally { spheres, triangles, survey, bytes, pixels, .. } = *self;
+        let both = spheres.and(triangles);
+        match omission {
+            Omission::Behind | Omission::Outside | Omission::NoArea | Omission::EdgeOn | Omission::Between => {
+                both.left_out[omission as usize]
+            }
+            Omission::DarkLights => self.dark,
+            Omission::SphereCode => (spheres.kept == 0).into(),
+            Omission::TriangleCode => (triangles.kept == 0).into(),
+            Omission::EmptyTiles => survey.empty,
+            Omission::OtherTiles => self.in_all_tiles - survey.placed,
+            Omission::Occluded => survey.occluded,
+            Omission::Misses => both.kept * pixels - both.covered,
+            Omission::Unseen => survey.unseen,
+            Omission::Averted => survey.averted,
+            Omission::OtherCells => survey.facing.saturating_sub(survey.asked),
+            Omission::Unhidden => self.unhidden,
+            Omission::Constants => both.kept,
+            Omission::Loop if bytes => survey.short,
+            Omission::FloatImage if bytes => pixels,
+            _ => 0,
+        }
+    }
+}
+
 impl Report {
-    /// The report on a scene that is traced in the tiles of `rasters`; `survey` is that of the whole picture, and
+    /// The report on a scene that is traced in tiles; `survey` is that of the whole picture, and
     /// `bytes` says whether the engine writes 8 bits.
-    pub fn of_tiles<E: Element>(rasters: &[&Tiles<'_, E>], survey: TileSurvey, bytes: bool) -> Self {
-        let (scene, keep) = (rasters[0].scene(), rasters[0].keep());
+    #[doc(hidden)]
+    pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
+        let (scene, keep) = (tiles.scene(), tiles.keep());
         let frustum = Frustum::new(&scene.camera.grid());
         let spheres = Counts::of(
             scene.spheres.len(),
             |i| scene.spheres[i],
-            &rasters.iter().map(|tiles| tiles.sphere_bounds()).collect::<Vec<_>>(),
+            &tiles.sphere_bounds(),
             |sphere| frustum.unseen_sphere(sphere),
             |_| None,
         );
         let triangles = Counts::of(
             scene.triangle_count(),
             |i| scene.triangle(i),
-            &rasters.iter().map(|tiles| tiles.triangle_bounds()).collect::<Vec<_>>(),
+            &tiles.triangle_bounds(),
             |triangle| frustum.unseen_triangle(triangle),
             never_hit,
         );
-        let both = spheres.and(triangles);
         let dark = scene.lights.iter().filter(|light| is_dark(light)).count();
-        let along = |side: usize| {
-            rasters.iter().filter(|tiles| tiles.raster().first[1 - side] == 0).map(|tiles| tiles.tiles()[side]).sum()
-        };
-        let [across, down] = [0, 1].map(along);
-        let count: u64 = rasters.iter().map(|tiles| tiles.tiles().map(u64::from).iter().product::<u64>()).sum();
-        let pixels = scene.camera.pixels();
+        let [across, down] = tiles.tiles();
         let objects = (scene.spheres.len() + scene.triangle_count()) as u64;
-        let counted = |omission: Omission| match omission {
-            Omission::Behind | Omission::Outside | Omission::NoArea | Omission::EdgeOn | Omission::Between => {
-                both.left_out[omission as usize]
-            }
-            Omission::DarkLights => dark as u64,
-            Omission::SphereCode => (spheres.kept == 0).into(),
-            Omission::TriangleCode => (triangles.kept == 0).into(),
-            Omission::EmptyTiles => survey.empty,
-            Omission::OtherTiles => objects * count - survey.placed,
-            Omission::Occluded => survey.occluded,
-            Omission::Misses => both.kept * pixels - both.covered,
-            Omission::Unseen => survey.unseen,
-            Omission::Averted => survey.averted,
-            Omission::OtherCells => survey.facing.saturating_sub(survey.asked),
-            Omission::Unhidden => rasters[0].shadows().map_or(0, |shadows| shadows.unhidden()),
-            Omission::Constants => both.kept,
-            Omission::Loop if bytes => survey.short,
-            Omission::FloatImage if bytes => pixels,
-            _ => 0,
+        let tally = Tally {
+            spheres,
+            triangles,
+            survey,
+            bytes,
+            dark: dark as u64,
+            unhidden: tiles.shadows().map_or(0, |shadows| shadows.unhidden()),
+            in_all_tiles: objects * u64::from(across) * u64::from(down),
+            pixels: scene.camera.pixels(),
         };
         let line = |omission: Omission| {
             let line = LeftOut::none(omission).by_tiles();
             let kept = keep.has(omission) && line.switch != Switch::None;
-            LeftOut { count: if kept { 0 } else { counted(omission) }, ..line }
+            LeftOut { count: if kept { 0 } else { tally.left_out(omission) }, ..line }
         };
         let kept = Kept {
             spheres: spheres.kept as usize,

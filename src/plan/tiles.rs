@@ -1,12 +1,15 @@
-//! Tiles: a scene prepared for the tile kernels, with the bounds of each object and the tiles that it may be in.
+//! Tiles: a scene prepared for the tile kernels, with the bounds of each object and the tiles that
+//! it may be in.
 //!
-//! All rays leave one point, so that the pixels that may see an object are known before the first ray: those in the
-//! bounds of a triangle's projected corners, or of a sphere's silhouette. Objects stay where the scene has them, and
-//! each tile sets up its own. Only their bounds and their indices are kept, in the lists of a few tiles.
+//! All rays leave one point, so that the pixels that may see an object are known before the first
+//! ray: those in the bounds of a triangle's projected corners, or of a sphere's silhouette. The
+//! plan keeps only these bounds and the object's index, in the lists of the tiles that the bounds
+//! meet. Each tile sets up its objects from the scene when it is traced. docs/no-hit-is-lost.md has
+//! the argument why that finds every hit.
 
 mod bins;
-mod bounds;
-mod forms;
+pub(super) mod bounds;
+pub(super) mod forms;
 mod place;
 
 use std::sync::Arc;
@@ -14,7 +17,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 pub use self::bins::LargeInRow;
-use self::bins::{Bins, MOST_SORTED, tiles_of};
+use self::bins::{Bins, MOST_SORTED, NextLarge, WideTiles};
 use self::bounds::{Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
 use self::place::Picture;
@@ -23,112 +26,85 @@ pub(super) use self::place::covered;
 use super::frustum::Frustum;
 use super::omission::{Keep, Omission};
 use super::shadows::Shadows;
-use super::team::Team;
-use super::{light, power_of_two, unit_rays};
+use super::{PlanOptions, UnitRays, light, power_of_two, unit_rays};
 use crate::kernels::{
     AroundSphere, Candidate, Element, Extremes, ObjectList, PacketKernels, PixelBounds, PointView, SphereView,
     TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow, TriangleList,
 };
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
+use crate::scene::{Grid, MAX_SIDE, Scene, Sphere, Triangle};
 
-/// An object in more tiles than this is in a list that all tiles go through: 16 bytes in each, and 16 while planning.
+/// The error bound of an edge over a tile, in units of u (half of EPSILON of the tile's elements)
+/// times its terms. A term goes through four roundings at most, which `rayo ops --proofs` counts;
+/// the rest is a margin.
+pub const EDGE_ROUNDINGS: f64 = 6.0;
+
+/// A triangle in more tiles than this is large: it is in a list that all tiles go through, and not
+/// in the list of each, where it would take 16 bytes, and 16 more while planning.
 const MOST_TILES: usize = 11;
 
-/// In a scene of at most this many triangles they may be in more tiles, like spheres: that takes little memory.
+/// In a scene of at most so many triangles, they may be in as many tiles as spheres before they are
+/// large: these lists take little memory.
 const FEW_TRIANGLES: usize = 1 << 12;
 const MOST_TILES_OF_FEW: usize = 64;
 
-/// This many triangles of a tile are traced at once, and those without a pixel are then dropped: the memory of a tile,
-/// beside its lists, does not grow with their number.
+/// This many triangles of a tile are traced at once, and those without a pixel are then dropped:
+/// the memory of a tile, beside its lists, does not grow with their number.
 const MOST_AT_ONCE: usize = 1 << 14;
 
-/// Spheres are fewer.
+/// The same limit for spheres, of which scenes have fewer.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
 
-/// Bounds have 16 bits.
-const LONGEST_SIDE: u32 = u16::MAX as u32;
-
-/// The rays of a picture, or of every n-th pixel of it across and down.
-#[derive(Clone, Copy, Debug)]
-pub struct Raster {
-    grid: Grid<f64>,
-    picture: Picture,
-    /// The first column and row.
-    pub first: [u32; 2],
-    /// The step from one to the next.
-    pub every: u32,
-}
-
-impl Raster {
-    /// The rasters of a camera: one, unless a side of the picture is too long for tiles.
-    pub fn of(camera: &Camera) -> Vec<Raster> {
-        let (grid, [width, height]) = (camera.grid::<f64>(), [camera.width(), camera.height()]);
-        let every = width.max(height).div_ceil(LONGEST_SIDE);
-        let first = (0..every.min(height)).flat_map(|down| (0..every.min(width)).map(move |across| [across, down]));
-        let of = |[across, down]: [u32; 2]| {
-            // The offset of these pixels' centres, to the left and up.
-            let off = [across, down].map(|first| (f64::from(first) + 0.5 - 0.5 * f64::from(every)) * grid.step);
-            let grid = Grid {
-                step: f64::from(every) * grid.step,
-                half_width: grid.half_width - off[0],
-                half_height: grid.half_height - off[1],
-                ..grid
-            };
-            let picture = Picture { width: (width - across).div_ceil(every), height: (height - down).div_ceil(every) };
-            Raster { grid, picture, first: [across, down], every }
-        };
-        first.map(of).collect()
-    }
-}
+// Bounds have 16 bits.
+const _: () = assert!(MAX_SIDE <= u16::MAX as u32);
 
 /// A scene planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
-    raster: Raster,
     frame: Frame,
     keep: Keep,
     /// The positions of the lights; those too far for f32 are moved nearer.
     points: Vec<TilePoint<E>>,
-    /// The same lights for spheres.
+    /// The same lights, where they are and with their radiance, for the set-up of spheres.
     sphere_lights: Vec<TileLight<f64>>,
     linear: Weighted,
     levels: Weighted,
     binned: Arc<Binned>,
-    /// The shadows, if they are asked for.
+    /// The shadows, if the scene has them.
     shadows: Option<Arc<Shadows<'a>>>,
-    /// The planes of both kinds of triangles in f64, if they are few: those of the kernels lose digits in slivers.
+    /// The planes of both kinds of triangles in f64, if they are few: those of the kernels lose
+    /// digits in slivers.
     planes: Option<[Vec<ExactPlane>; 2]>,
 }
 
 /// The rays, scaled, and the unit of 1/t.
 #[derive(Clone, Copy)]
 struct Frame {
-    /// The raster's, times `unit`.
+    /// The camera's grid, scaled by `unit`.
     grid: Grid<f64>,
     picture: Picture,
     /// A power of two that makes the longest sides of the grid about 1.
     unit: f64,
     /// The extent of the scene.
     extent: f64,
-    /// A power of two that brings 1/t to size.
+    /// A power of two by which 1/t is multiplied, so that it is about 1 in the middle of the scene.
     scale: f64,
 }
 
 /// The bins of all objects, which f32 and f64 share.
 struct Binned {
     of_spheres: Bins,
-    /// Those of both kinds of triangles, each counted from 0.
+    /// The bins of both kinds of triangles, whose indices begin at 0 in each.
     of_triangles: [Bins; 2],
-    /// For each tile, row by row, whether it has an object whose numbers are beyond f32; empty if none has.
-    wide: Vec<bool>,
+    /// The tiles that have an object whose numbers are beyond f32.
+    wide: WideTiles,
     /// The extremes of all objects; None if there are none.
     extremes: Option<Extremes>,
 }
 
 /// The parts of set-up that depend on the value of white in the output.
 pub struct Weighted {
-    /// For triangles.
+    /// The lights for triangles, whose radiance is multiplied by white.
     pub lights: Vec<TileLight<f64>>,
     pub spheres: SphereView<f64>,
     /// Whether white is that of bytes: spheres may have the short form.
@@ -139,7 +115,7 @@ pub struct Weighted {
 pub struct LargeObjects<'a> {
     bins: &'a Bins,
     in_row: &'a mut LargeInRow,
-    next: usize,
+    next: NextLarge,
     more: bool,
 }
 
@@ -149,17 +125,18 @@ impl LargeObjects<'_> {
         !self.more
     }
 
-    /// Adds up to `count` of the next ones, those that may be in a tile, and at `least` or nearer there.
+    /// Adds up to `count` of the next objects that may be visible in a tile, and may have a 1/t of
+    /// at least `least` there.
     pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Candidate>) {
         let limits = (count.min(MOST_AT_ONCE), least);
         self.more = self.more && self.bins.add_large(tile, self.in_row, &mut self.next, limits, room);
     }
 }
 
-/// The plane of a triangle to the last bits of f64: triangles in one plane have the same, if their coordinates have few
-/// bits.
+/// The plane of a triangle to the last bits of f64. Triangles that lie in one plane have the same
+/// `inverse` if their coordinates have few bits.
 pub struct ExactPlane {
-    /// 1/t is its product with the ray.
+    /// The vector whose product with a ray is 1/t.
     inverse: DVec3,
     /// Its unit normal divided by the scale.
     normal: DVec3,
@@ -180,15 +157,17 @@ impl ExactPlane {
         [self.inverse.dot(DVec3::new(view.dx, view.dy, view.dz)), x * view.step, y * view.down]
     }
 
-    /// The distance of a light from it, divided by the scale.
+    /// The distance of a light from the plane, divided by the scale.
     pub fn height(&self, light: &TileLight<f64>) -> f64 {
         self.normal.dot(DVec3::new(light.x, light.y, light.z) - self.corner).abs()
     }
 }
 
 impl Frame {
-    fn new(scene: &Scene, Raster { grid, picture, .. }: Raster) -> Self {
-        let (grid, unit) = unit_rays(grid);
+    fn new(scene: &Scene) -> Self {
+        let camera = &scene.camera;
+        let UnitRays { grid, unit } = unit_rays(camera.grid());
+        let picture = Picture { width: camera.width(), height: camera.height() };
         let extent = extent(scene);
         Frame { grid, picture, unit, extent, scale: power_of_two(extent / grid.focal) }
     }
@@ -198,7 +177,7 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
-/// Lights further away are moved to this distance.
+/// The greatest distance at which elements E hold a light; those further away are moved to it.
 fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
 }
@@ -209,12 +188,13 @@ impl Binned {
         scene: &Scene,
         &Frame { grid, picture, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
-        (keep, threads): (Keep, usize),
+        options: PlanOptions<'_>,
         in_f32: bool,
     ) -> Self {
+        let keep = options.keep;
         let forms = Forms::new(grid, scale, &light::lights(scene), far::<f32>(extent));
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
-        // If every object is to be in all tiles, none has few.
+        // None if every object is to be in all tiles.
         let most_tiles = |most: usize| (!keep.has(Omission::OtherTiles)).then_some(most);
         let spheres = Planning {
             kernel: &kernels.sphere_bounds,
@@ -246,55 +226,45 @@ impl Binned {
             most_sorted: 0,
             in_f32,
         };
-        let of_spheres = spheres.plan(&scene.spheres, threads);
-        let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), threads);
-        let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), threads);
+        let of_spheres = spheres.plan(&scene.spheres, options);
+        let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), options);
+        let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), options);
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
-        let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
+        let wide = of_spheres.wide.and(of_triangles.wide).and(of_faces.wide);
         let (mut of_spheres, mut of_triangles) = (of_spheres.bins, [of_triangles.bins, of_faces.bins]);
         of_spheres.sort(|_| None);
         for (bins, triangles) in of_triangles.iter_mut().zip(triangle_lists(scene)) {
             bins.sort(|id| forms::most_at(&triangles.get(id as usize), grid, scale, picture));
         }
-        Binned {
-            of_spheres,
-            of_triangles,
-            wide: if wide.is_empty() { Vec::new() } else { tiles_of(&wide, picture) },
-            extremes: all.into_iter().flatten().reduce(Extremes::and),
-        }
+        Binned { of_spheres, of_triangles, wide, extremes: all.into_iter().flatten().reduce(Extremes::and) }
     }
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene`, seen by these rays, on `threads` threads, with the kernels of bounds, except the omissions in
-    /// `keep`.
-    pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
-        let frame = Frame::new(scene, raster);
-        let binned = Binned::new(scene, &frame, kernels, (keep, threads), is_f32::<E>());
-        let shadows = scene.shadows.then(|| Arc::new(Shadows::new(scene, &Team::up_to(threads))));
-        Self::of((scene, raster), frame, keep, (Arc::new(binned), shadows))
+    /// Plans `scene` with the kernels of bounds.
+    pub fn new(scene: &'a Scene, kernels: &PacketKernels, options: PlanOptions<'_>) -> Self {
+        let frame = Frame::new(scene);
+        let binned = Binned::new(scene, &frame, kernels, options, is_f32::<E>());
+        let shadows = scene.shadows.then(|| Arc::new(Shadows::new(scene, options)));
+        Self::of(scene, frame, options.keep, Arc::new(binned), shadows)
     }
 
-    /// The same plan for f64.
-    pub fn in_f64(&self, kernels: &PacketKernels, threads: usize) -> Tiles<'a, f64> {
-        let &Tiles { scene, raster, frame, keep, ref binned, ref shadows, .. } = self;
+    /// The plan for kernels in f64, of the same scene and rays.
+    pub fn in_f64(&self, kernels: &PacketKernels, options: PlanOptions<'_>) -> Tiles<'a, f64> {
+        let &Tiles { scene, frame, keep, ref binned, ref shadows, .. } = self;
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
-            Arc::new(Binned::new(scene, &frame, kernels, (keep, threads), false))
+            Arc::new(Binned::new(scene, &frame, kernels, PlanOptions { keep, ..options }, false))
         };
-        Tiles::of((scene, raster), frame, keep, (binned, shadows.clone()))
+        Tiles::of(scene, frame, keep, binned, shadows.clone())
     }
 
-    fn of(
-        (scene, raster): (&'a Scene, Raster),
-        frame: Frame,
-        keep: Keep,
-        (binned, shadows): (Arc<Binned>, Option<Arc<Shadows<'a>>>),
-    ) -> Self {
+    fn of(scene: &'a Scene, frame: Frame, keep: Keep, binned: Arc<Binned>, shadows: Option<Arc<Shadows<'a>>>) -> Self {
         let Frame { grid, picture, extent, scale, .. } = frame;
         let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
-        // A dark light would add 0, and the form of a sphere depends on how accurately each light is known.
+        // A dark light would add 0, and the form of a sphere depends on how accurately each light
+        // is known.
         let lights = light::lights(scene);
         let far = far::<E>(extent);
         let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far)).collect();
@@ -321,7 +291,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         let planes = few.then(|| planes.map(plane));
         Tiles {
             scene,
-            raster,
             frame,
             keep,
             points,
@@ -338,14 +307,16 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn is_valid(&self) -> bool {
         let valid = |extremes: Extremes| {
             let Extremes { most, least, brightest, .. } = extremes;
-            // As bits, -0 and negative numbers are above all others, of which nothing is known then.
+            // The kernels compare bits, by which -0 and negative numbers are above all others. If
+            // one was found, nothing is known of the rest.
             let fine = |most: f32| most.is_sign_positive() && most.is_finite();
             fine(most) && least > 0.0 && fine(brightest)
         };
         self.binned.extremes.is_none_or(valid)
     }
 
-    /// A lower bound of 1/t at all pixels of a tile, if the nearest of the triangles in many tiles covers it; otherwise 0.
+    /// A lower bound of 1/t at all pixels of a tile, if the nearest of the large triangles covers
+    /// it; otherwise 0.
     pub fn least_of_large(&self, tile: TilePlace) -> f32 {
         let Frame { grid, scale, picture, .. } = self.frame;
         let of_kinds = self.binned.of_triangles.iter().zip(self.triangle_lists());
@@ -360,10 +331,9 @@ impl<'a, E: Element> Tiles<'a, E> {
         !self.binned.wide.is_empty()
     }
 
-    /// Whether this one has: it is then traced wholly in f64.
+    /// Whether a tile has such an object, and so is traced wholly in f64.
     pub fn is_wide(&self, tile: TilePlace) -> bool {
-        let [across, _] = self.tiles();
-        self.any_wide() && self.binned.wide[(tile.down * across + tile.across) as usize]
+        self.binned.wide.has(tile)
     }
 
     pub fn scene(&self) -> &Scene {
@@ -372,12 +342,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Pixels in a row, and rows.
     pub fn size(&self) -> [u32; 2] {
-        [self.raster.picture.width, self.raster.picture.height]
-    }
-
-    /// The rays.
-    pub fn raster(&self) -> Raster {
-        self.raster
+        [self.frame.picture.width, self.frame.picture.height]
     }
 
     /// All triangles: those that have their own corners, and those that share them.
@@ -385,7 +350,8 @@ impl<'a, E: Element> Tiles<'a, E> {
         triangle_lists(self.scene)
     }
 
-    /// The planes of one of these kinds, if those of set-up are not accurate enough.
+    /// The plan's planes of one kind of triangles, if it has them because those of set-up are not
+    /// accurate enough.
     pub fn planes(&self, kind: usize) -> Option<&[ExactPlane]> {
         self.planes.as_ref().map(|planes| &planes[kind][..])
     }
@@ -394,7 +360,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         &self.scene.spheres
     }
 
-    /// Those in the list of some tile, each once.
+    /// The spheres that are candidates of some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Candidate> {
         let mut candidates: Vec<_> = self.binned.of_spheres.listed().collect();
         candidates.sort_unstable_by_key(|candidate| candidate.id);
@@ -436,7 +402,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         &self.levels
     }
 
-    /// The shadows, if they are asked for.
+    /// The shadows, if the scene has them.
     pub fn shadows(&self) -> Option<&Shadows<'a>> {
         self.shadows.as_deref()
     }
@@ -452,14 +418,14 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.keep
     }
 
-    /// The number of objects in many tiles, and of entries in the lists of the others.
+    /// The number of large objects, and of entries in bins.
     pub fn counts(&self) -> [usize; 2] {
         let Binned { of_spheres, of_triangles: [triangles, faces], .. } = &*self.binned;
         let of = [of_spheres, triangles, faces].map(Bins::counts);
         [0, 1].map(|kind| of.iter().map(|counts| counts[kind]).sum())
     }
 
-    /// The number of objects that may be visible in a tile.
+    /// The number of a tile's candidates.
     pub fn count_in(&self, &TileWindow { column, row, .. }: &TileWindow) -> usize {
         let tile = TilePlace { across: column / TILE_WIDTH as u32, down: row / TILE_HEIGHT as u32 };
         let [triangles, faces] = &self.binned.of_triangles;
@@ -474,9 +440,10 @@ impl<'a, E: Element> Tiles<'a, E> {
         large.len() + in_few.iter().sum::<usize>()
     }
 
-    /// The record of a sphere around the camera or beside it, for its kernel; None for one in front.
+    /// The record of a sphere around the camera or beside it, for its kernel; None for one in
+    /// front.
     pub fn around(&self, sphere: &Sphere) -> Option<AroundSphere<f64>> {
-        if forms::is_in_front(sphere) {
+        if forms::is_quadratic(sphere) {
             return None;
         }
         let Frame { grid: Grid { step, half_width, half_height, focal }, scale, .. } = self.frame;
@@ -501,6 +468,15 @@ impl<'a, E: Element> Tiles<'a, E> {
         })
     }
 
+    /// Whether a sphere has to be shaded in coordinates relative to the camera: see
+    /// [`forms::is_shaded_from_camera`].
+    pub fn is_shaded_from_camera(&self, sphere: &Sphere) -> bool {
+        let lights = self.sphere_lights.iter().filter(|_| is_f32::<E>());
+        let lights =
+            lights.map(|light| (DVec3::new(light.x, light.y, light.z), DVec3::new(light.red, light.green, light.blue)));
+        forms::is_shaded_from_camera(sphere, lights)
+    }
+
     /// Whether no ray of a tile meets a sphere.
     pub fn misses(&self, &TileWindow { column, row, .. }: &TileWindow, sphere: &Sphere) -> bool {
         let (first, past) = (self.ray(row, column), self.ray(row + TILE_HEIGHT as u32, column + TILE_WIDTH as u32));
@@ -511,8 +487,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// The number of tiles, across and down.
     pub(super) fn tiles(&self) -> [u32; 2] {
-        let [width, height] = self.size();
-        [width.div_ceil(TILE_WIDTH as u32), height.div_ceil(TILE_HEIGHT as u32)]
+        self.frame.picture.tiles()
     }
 
     /// A power of two: a tile stores this / t, along the rays of [`Tiles::ray`].
@@ -520,7 +495,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.frame.scale
     }
 
-    /// The same along the camera's rays.
+    /// As [`scale`](Self::scale), for t along the camera's rays.
     pub fn inverse_unit(&self) -> f64 {
         self.frame.scale * self.frame.unit
     }
@@ -536,15 +511,16 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// Adds the spheres that may be visible in a tile, except those in many tiles.
+    /// Adds the spheres that are candidates of a tile, except large ones.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Candidate>) {
         let bins = &self.binned.of_spheres;
         bins.of_tile(tile).for_each(|candidates| spheres.extend_from_slice(candidates));
     }
 
-    /// Passes on the triangles of one of the [kinds](Tiles::triangle_lists) that may be visible in a tile, at most
-    /// `MOST_AT_ONCE` at a time, by way of `room` if they are not in one list. Triangles already in `room` come first;
-    /// others in many tiles are not included.
+    /// Calls `say` with the candidates of a tile that are triangles of one of the
+    /// [kinds](Tiles::triangle_lists), at most `MOST_AT_ONCE` at a time. They are copied to `room`
+    /// unless they are in one list. Those that are in `room` already come first; other large ones
+    /// are not included.
     pub fn triangles_in(
         &self,
         kind: usize,
@@ -573,29 +549,35 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// The objects in many tiles: spheres, then triangles of both [kinds](Tiles::triangle_lists).
+    /// The large objects: spheres, then triangles of both [kinds](Tiles::triangle_lists).
     pub fn large<'b>(&'b self, in_row: &'b mut [LargeInRow; 3]) -> [LargeObjects<'b>; 3] {
         let [triangles, faces] = &self.binned.of_triangles;
         let [first, second, third] = in_row;
         [(&self.binned.of_spheres, first), (triangles, second), (faces, third)].map(|(bins, in_row)| LargeObjects {
             bins,
             in_row,
-            next: 0,
+            next: NextLarge::default(),
             more: true,
         })
     }
 
-    /// A tile's rays, for set-up and for shading.
-    pub fn view(&self, tile: TilePlace) -> (TileView<f64>, TileRays<E>) {
+    /// The ray at a tile's middle.
+    fn middle_ray(&self, tile: TilePlace) -> DVec3 {
         let (column, row) = tile.first();
-        let DVec3 { x: dx, y: dy, z: dz } = self.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2);
+        self.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2)
+    }
+
+    /// A tile's rays, for set-up.
+    pub fn view(&self, tile: TilePlace) -> TileView<f64> {
+        let DVec3 { x: dx, y: dy, z: dz } = self.middle_ray(tile);
         let Grid { step, half_width, half_height, focal } = self.frame.grid;
-        // Rounding of edges in the tile's elements, from the origin: three roundings of each coefficient and product,
-        // with a margin. Rounding in f64, in set-up and the reference: a few units of the largest d.
+        // The error bound of an edge has two parts: `relative`, for roundings in the tile's
+        // elements, of the terms from the tile's middle on; and `exact`, for roundings in f64, in
+        // set-up and in the reference, of the terms of the longest d.
         let unit = if size_of::<E>() == 4 { f64::from(f32::EPSILON) } else { f64::EPSILON };
-        let (relative, exact) = (3.0 * unit, 16.0 * f64::EPSILON);
+        let (relative, exact) = (EDGE_ROUNDINGS * unit / 2.0, 16.0 * f64::EPSILON);
         let half = (TILE_WIDTH / 2) as f64;
-        let view = TileView {
+        TileView {
             dx,
             dy,
             dz,
@@ -606,8 +588,14 @@ impl<'a, E: Element> Tiles<'a, E> {
             bound_y: exact * 2.0 * half_height + relative * half * step,
             bound_z: exact * focal,
             bound_0: relative,
-        };
-        (view, TileRays { dx, dy, dz, step, down: -step }.round())
+        }
+    }
+
+    /// A tile's rays, for shading.
+    pub fn rays(&self, tile: TilePlace) -> TileRays<E> {
+        let DVec3 { x: dx, y: dy, z: dz } = self.middle_ray(tile);
+        let step = self.frame.grid.step;
+        TileRays { dx, dy, dz, step, down: -step }.round()
     }
 }
 
@@ -615,18 +603,18 @@ fn triangle_lists(scene: &Scene) -> [TriangleList<'_>; 2] {
     [TriangleList::Apart(&scene.triangles), TriangleList::Joined((&scene.faces).into())]
 }
 
-/// The size of a scene: the median of the coordinates of a sample, so that a sun or a grain of dust does not make the
-/// numbers of all other objects large or small.
+/// The size of a scene: the median of the coordinates of a sample, so that a sun or a grain of dust
+/// does not make the numbers of all other objects large or small.
 fn extent(scene: &Scene) -> f64 {
     let (count, spheres) = (scene.triangle_count(), scene.spheres.len());
-    // As bits, which order non-negative numbers.
+    // Sizes as bits, which are ordered as non-negative numbers are.
     let mut sizes = Vec::new();
     let mut add = |v: Vec3| {
         let size = v.to_array().map(|x| x.abs().to_bits()).into_iter().fold(0, u32::max);
         sizes.extend((size > 0 && size < f32::INFINITY.to_bits()).then_some(size));
     };
     (0..count).step_by(count / 1024 + 1).for_each(|i| scene.triangle(i).vertices.into_iter().for_each(&mut add));
-    // One around the camera reaches as far as its radius.
+    // A sphere around the camera has no centre to go by: it reaches as far as its radius.
     let reach = |sphere: &Sphere| if sphere.centre == Vec3::ZERO { Vec3::splat(sphere.radius) } else { sphere.centre };
     scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(reach(sphere)));
     let middle = sizes.len() / 2;
@@ -639,7 +627,7 @@ fn nearer(point: DVec3, far: f64) -> DVec3 {
     if distance > far { point * (far / distance) } else { point }
 }
 
-/// The bounds of this many objects, empty for those in no list.
+/// The bounds of this many objects, empty for those that are no candidates.
 fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };

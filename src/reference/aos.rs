@@ -1,9 +1,34 @@
-//! The twin of the paper's macros: every operation of `asm/include/*_aos.inc` over four lanes, in the same order.
+//! The twin of the paper's macros: every operation of `asm/include/*_aos.inc` over four lanes, in
+//! the same order.
 //!
-//! Plain operations, none fused, so that the two agree to the last bit. The names are those of `asm/ops/aos.asm`.
+//! Plain operations, none fused, so that the two agree to the last bit. The names are those of
+//! `asm/ops/aos.asm`.
+
+use std::ops::{Add, Div, Mul, Sub};
 
 /// Four lanes: x, y, z and a w that is 0 in a vector.
-pub type Lanes = [f32; 4];
+pub type Lanes<S = f32> = [S; 4];
+
+/// What the twin computes with: f32, and in proofs expressions in place of numbers.
+pub trait Scalar:
+    Copy + PartialOrd + From<f32> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// NaN below 0.
+    fn sqrt(self) -> Self;
+    fn abs(self) -> Self;
+}
+
+impl Scalar for f32 {
+    #[inline]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+
+    #[inline]
+    fn abs(self) -> Self {
+        self.abs()
+    }
+}
 
 /// Which forms the macros take: `AOS_BEST` of the assembly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,61 +41,61 @@ pub enum Form {
 
 /// A point light: its position, and I_L.
 #[derive(Clone, Copy, Debug)]
-pub struct Light {
-    pub position: Lanes,
+pub struct Light<S = f32> {
+    pub position: Lanes<S>,
     /// I_L = intensity x colour.
-    pub radiance: Lanes,
+    pub radiance: Lanes<S>,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct Sphere {
-    pub centre: Lanes,
-    pub colour: Lanes,
-    pub radius: f32,
+pub struct Sphere<S = f32> {
+    pub centre: Lanes<S>,
+    pub colour: Lanes<S>,
+    pub radius: S,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct Triangle {
-    pub vertices: [Lanes; 3],
-    pub colour: Lanes,
+pub struct Triangle<S = f32> {
+    pub vertices: [Lanes<S>; 3],
+    pub colour: Lanes<S>,
 }
 
 /// What the Lambert term needs of a hit.
 #[derive(Clone, Copy, Debug)]
-pub struct Surface {
+pub struct Surface<S = f32> {
     /// P.
-    pub point: Lanes,
+    pub point: Lanes<S>,
     /// N.
-    pub normal: Lanes,
+    pub normal: Lanes<S>,
     /// C.
-    pub colour: Lanes,
+    pub colour: Lanes<S>,
 }
 
-fn lanes(a: Lanes, b: Lanes, op: impl Fn(f32, f32) -> f32) -> Lanes {
+fn lanes<S: Scalar>(a: Lanes<S>, b: Lanes<S>, op: impl Fn(S, S) -> S) -> Lanes<S> {
     std::array::from_fn(|i| op(a[i], b[i]))
 }
 
 /// a + b.
 #[inline]
-pub fn add(a: Lanes, b: Lanes) -> Lanes {
+pub fn add<S: Scalar>(a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
     lanes(a, b, |a, b| a + b)
 }
 
 /// a - b.
 #[inline]
-pub fn sub(a: Lanes, b: Lanes) -> Lanes {
+pub fn sub<S: Scalar>(a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
     lanes(a, b, |a, b| a - b)
 }
 
 /// a * s.
 #[inline]
-pub fn scale(a: Lanes, s: f32) -> Lanes {
+pub fn scale<S: Scalar>(a: Lanes<S>, s: S) -> Lanes<S> {
     a.map(|a| a * s)
 }
 
 /// a . b: (xx + yy) + (zz + ww), or zz + (yy + xx) in the best form.
 #[inline]
-pub fn dot(form: Form, a: Lanes, b: Lanes) -> f32 {
+pub fn dot<S: Scalar>(form: Form, a: Lanes<S>, b: Lanes<S>) -> S {
     let [x, y, z, w] = lanes(a, b, |a, b| a * b);
     match form {
         Form::Paper => (x + y) + (z + w),
@@ -80,66 +105,70 @@ pub fn dot(form: Form, a: Lanes, b: Lanes) -> f32 {
 
 /// ||a||.
 #[inline]
-pub fn norm(form: Form, a: Lanes) -> f32 {
+pub fn norm<S: Scalar>(form: Form, a: Lanes<S>) -> S {
     dot(form, a, a).sqrt()
 }
 
 /// a x b, in all four lanes as the shuffles make it.
 #[inline]
-pub fn cross(a: Lanes, b: Lanes) -> Lanes {
-    let yzx = |v: Lanes| [v[1], v[2], v[0], v[3]];
-    let zxy = |v: Lanes| [v[2], v[0], v[1], v[3]];
+pub fn cross<S: Scalar>(a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
+    let yzx = |v: Lanes<S>| [v[1], v[2], v[0], v[3]];
+    let zxy = |v: Lanes<S>| [v[2], v[0], v[1], v[3]];
     sub(lanes(yzx(a), zxy(b), |a, b| a * b), lanes(zxy(a), yzx(b), |a, b| a * b))
 }
 
 /// a / ||a||.
 #[inline]
-pub fn normalise(form: Form, a: Lanes) -> Lanes {
+pub fn normalise<S: Scalar>(form: Form, a: Lanes<S>) -> Lanes<S> {
     let s = norm(form, a);
     a.map(|a| a / s)
 }
 
 /// The t of SPHERE_HIT, infinity for a miss.
 #[inline]
-pub fn sphere(form: Form, ray: Lanes, s: &Sphere) -> f32 {
+pub fn sphere<S: Scalar>(form: Form, ray: Lanes<S>, s: &Sphere<S>) -> S {
     let a = dot(form, ray, ray);
     let h = dot(form, s.centre, ray);
     let k = dot(form, s.centre, s.centre) - s.radius * s.radius;
     let disc = h * h - k * a;
     // NaN, which no comparison holds for, if the ray misses it.
     let root = disc.sqrt();
-    [(h - root) / a, (h + root) / a].into_iter().find(|t| *t > 0.0).unwrap_or(f32::INFINITY)
+    [(h - root) / a, (h + root) / a].into_iter().find(|t| *t > S::from(0.0)).unwrap_or(S::from(f32::INFINITY))
 }
 
 /// The normal of eq. 6.
 #[inline]
-pub fn plane_normal(s: &Triangle) -> Lanes {
+pub fn plane_normal<S: Scalar>(s: &Triangle<S>) -> Lanes<S> {
     let [v1, v2, v3] = s.vertices;
     cross(sub(v1, v2), sub(v1, v3))
 }
 
 /// The t of TRIANGLE_HIT, infinity for a miss.
 #[inline(always)]
-pub fn triangle(form: Form, ray: Lanes, s: &Triangle) -> f32 {
+pub fn triangle<S: Scalar>(form: Form, ray: Lanes<S>, s: &Triangle<S>) -> S {
     let [v1, v2, v3] = s.vertices;
     let n = plane_normal(s);
     let t = dot(form, n, v1) / dot(form, n, ray);
-    let positive = t > 0.0;
+    let positive = t > S::from(0.0);
     let p = scale(ray, t);
     let same_side = |a, b, c| {
         let edge = sub(b, a);
-        dot(form, cross(edge, sub(p, a)), cross(edge, sub(c, a))) >= 0.0
+        dot(form, cross(edge, sub(p, a)), cross(edge, sub(c, a))) >= S::from(0.0)
     };
-    if positive && same_side(v1, v2, v3) && same_side(v2, v3, v1) && same_side(v3, v1, v2) { t } else { f32::INFINITY }
+    if positive && same_side(v1, v2, v3) && same_side(v2, v3, v1) && same_side(v3, v1, v2) {
+        t
+    } else {
+        S::from(f32::INFINITY)
+    }
 }
 
 /// The light that LAMBERT adds, for `sides` 1 or 2.
 #[inline]
-pub fn lambert(form: Form, sides: u32, surface: &Surface, light: &Light) -> Lanes {
+pub fn lambert<S: Scalar>(form: Form, sides: u32, surface: &Surface<S>, light: &Light<S>) -> Lanes<S> {
     let l = normalise(form, sub(light.position, surface.point));
     let cosine = dot(form, l, surface.normal);
     let cosine = if sides == 2 { cosine.abs() } else { cosine };
-    let cosine = if cosine > 0.0 { cosine } else { 0.0 };
+    let cosine = if cosine > S::from(0.0) { cosine } else { S::from(0.0) };
     lanes(scale(light.radiance, cosine), surface.colour, |i, c| i * c)
 }
 

@@ -1,13 +1,15 @@
-//! Ray against sphere, ray against triangle, shadow, and the Lambert term, in f64 and readable: the truth.
+//! Ray against sphere, ray against triangle, shadow, and the Lambert term, in f64 and readable: the
+//! truth.
 //!
-//! A ray is its direction `d`, of any length but 0: it starts at the origin, and its points are `t d` for t > 0.
+//! A ray is its direction `d`, of any length but 0: it starts at the origin, and its points are `t
+//! d` for t > 0.
 
 use glam::{DVec3, Vec3Swizzles};
 
 /// The smallest t > 0 at which the ray is on the sphere, eq. 5.
 ///
-/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither cancels. From far away h^2 - a k
-/// would cancel too; there a r^2 - |c x d|^2 is the same number.
+/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither cancels. From
+/// far away h^2 - a k would cancel too; there a r^2 - |c x d|^2 is the same number.
 pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let (a, h) = (d.dot(d), d.dot(centre));
     let disc = discriminant(d, centre, radius);
@@ -20,7 +22,8 @@ pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())
 }
 
-/// h^2 - a k of [`sphere`]: its sign says whether the line along `d` meets the sphere, and it is 0 where it touches.
+/// h^2 - a k of [`sphere`]: its sign says whether the line along `d` meets the sphere, and it is 0
+/// where it touches.
 fn discriminant(d: DVec3, centre: DVec3, radius: f64) -> f64 {
     let (a, h, r2) = (d.dot(d), d.dot(centre), radius * radius);
     if centre.dot(centre) < 2.0 * r2 {
@@ -33,8 +36,8 @@ fn discriminant(d: DVec3, centre: DVec3, radius: f64) -> f64 {
 /// |c|^2 - r^2, the power of the camera: its sign says whether the camera is outside, on or inside the sphere, and is
 /// right for numbers of f32, however much cancels.
 pub fn power(centre: DVec3, radius: f64) -> f64 {
-    // The squares of 24 bits are exact. Their sum is kept as parts that do not overlap, the largest last: Shewchuk's
-    // expansions.
+    // The squares of 24 bits are exact. Their sum is kept as parts that do not overlap, the largest
+    // last: Shewchuk's expansions.
     let mut parts = [0.0; 4];
     for (i, square) in [centre.x, centre.y, centre.z].map(|c| c * c).into_iter().chain([-radius * radius]).enumerate() {
         let mut sum = square;
@@ -59,11 +62,13 @@ pub fn sphere_normal(p: DVec3, centre: DVec3) -> DVec3 {
     (p - centre).normalize()
 }
 
-/// The t > 0 at which the ray meets the triangle, its edges and vertices included: eq. 9 and eq. 10.
+/// The t > 0 at which the ray meets the triangle, its edges and vertices included: eq. 9 and eq.
+/// 10.
 ///
-/// Eq. 10 asks on which side of each edge P = t d lies. With the ray from the origin that is the sign of d . (v x w)
-/// for the edge from v to w, compared with the sign of the triangle's own volume v1 . n, where n is that of eq. 6. In
-/// f64 v x w is exactly -(w x v), so two triangles that share an edge never both miss a ray.
+/// Eq. 10 asks on which side of each edge P = t d lies. With the ray from the origin that is the
+/// sign of d . (v x w) for the edge from v to w, compared with the sign of the triangle's own
+/// volume v1 . n, where n is that of eq. 6. In f64 v x w is exactly -(w x v), so two triangles that
+/// share an edge never both miss a ray.
 pub fn triangle(d: DVec3, vertices: [DVec3; 3]) -> Option<f64> {
     let volume = triangle_volume(vertices)?;
     let inside = is_inside(d, vertices, volume);
@@ -76,21 +81,26 @@ fn is_inside(d: DVec3, [v1, v2, v3]: [DVec3; 3], volume: f64) -> bool {
     [(v1, v2), (v2, v3), (v3, v1)].iter().all(|(v, w)| d.dot(v.cross(*w)) * volume.signum() >= 0.0)
 }
 
-/// Rotated so that the nearest corner comes first: its product with the normal is the triangle's volume like any
-/// other's, but the terms of a farther one would cancel.
+/// Rotated so that the nearest corner comes first: its product with the normal is the triangle's
+/// volume like any other's, but the terms of a farther one would cancel.
 pub fn near_corner_first(vertices: [DVec3; 3]) -> [DVec3; 3] {
     least_first(vertices, vertices.map(|v| v.abs().max_element()))
 }
 
-/// Rotated so that the longest side is opposite the first corner: of two longer sides the products would cancel.
+/// Rotated so that the longest side is opposite the first corner: of two longer sides the products
+/// would cancel.
 fn short_sides_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
     least_first([v1, v2, v3], [v2 - v3, v3 - v1, v1 - v2].map(|side| -side.abs().max_element()))
 }
 
 /// Rotated so that the corner with the least of these numbers comes first.
-fn least_first(mut vertices: [DVec3; 3], [one, two, three]: [f64; 3]) -> [DVec3; 3] {
-    vertices.rotate_left(if two < one { 1 + usize::from(three < two) } else { 2 * usize::from(three < one) });
-    vertices
+fn least_first([v1, v2, v3]: [DVec3; 3], [one, two, three]: [f64; 3]) -> [DVec3; 3] {
+    // `rotate_left` would be a call that moves memory.
+    match if two < one { 1 + usize::from(three < two) } else { 2 * usize::from(three < one) } {
+        0 => [v1, v2, v3],
+        1 => [v2, v3, v1],
+        _ => [v3, v1, v2],
+    }
 }
 
 /// From this share of the product of its terms on no rounding makes a volume of 0.
@@ -99,14 +109,15 @@ const PLAIN: f64 = 1e-10;
 /// The normal of a sliver is shorter than this share of the product of two sides.
 const SLIVER: f64 = 1e-2;
 
-/// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None if it is 0, so that no ray hits:
-/// the triangle has no area, or its plane passes through the camera.
+/// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None if it is 0, so
+/// that no ray hits: the triangle has no area, or its plane passes through the camera.
 pub fn triangle_volume(vertices: [DVec3; 3]) -> Option<f64> {
     triangle_side(vertices, DVec3::ZERO, 0.0)
 }
 
-/// The same with another point in the camera's place: its sign says on which side of the triangle's plane that is. None also if
-/// it is there but for its own rounding, of so many units of f64's epsilon.
+/// The same with another point in the camera's place: its sign says on which side of the triangle's
+/// plane that is. None also if it is there but for its own rounding, of so many units of f64's
+/// epsilon.
 pub fn triangle_side(vertices: [DVec3; 3], point: DVec3, units: f64) -> Option<f64> {
     side_of_plane(vertices, triangle_plane(vertices), point, units)
 }
@@ -133,10 +144,17 @@ pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -
     (volume.abs() > f64::EPSILON * rounded.dot(size)).then_some(volume)
 }
 
-/// The vector p of the plane p . x = 1 of a triangle, and a bound of what each component loses where n is a difference of
-/// rounded products; None if the [volume](triangle_volume) is 0.
+/// The plane p . x = 1 of a triangle.
+pub struct PlaneOfOne {
+    pub p: DVec3,
+    /// A bound of what each component of p loses where the normal is a difference of rounded
+    /// products.
+    pub lost: f64,
+}
+
+/// The plane of a triangle; None if the [volume](triangle_volume) is 0.
 #[inline]
-pub fn plane_of_one(vertices: [DVec3; 3]) -> Option<(DVec3, f64)> {
+pub fn plane_of_one(vertices: [DVec3; 3]) -> Option<PlaneOfOne> {
     let [v1, v2, v3] = short_sides_first(vertices);
     let (a, b) = (v1 - v2, v1 - v3);
     let (mut n, size) = (a.cross(b), a.abs().max_element() * b.abs().max_element());
@@ -148,9 +166,10 @@ pub fn plane_of_one(vertices: [DVec3; 3]) -> Option<(DVec3, f64)> {
         volume = side_of_plane(vertices, n, DVec3::ZERO, 0.0)?;
     }
     let p = n / volume;
-    // n loses 2 epsilon of the size, and v . n thrice that, with up to eight times these terms (BETTER_CORNER).
+    // n loses 2 epsilon of the size, and v . n thrice that, with up to eight times these terms
+    // (BETTER_CORNER).
     let lost = 512.0 * f64::EPSILON * size / volume.abs() * distance * p.abs().max_element();
-    Some((p, lost))
+    Some(PlaneOfOne { p, lost })
 }
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 if the triangle has no area.
@@ -174,7 +193,8 @@ fn kahans_normal(a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(difference(a.y, b.z, b.y, a.z), difference(a.z, b.x, b.z, a.x), difference(a.x, b.y, b.x, a.y))
 }
 
-/// Whether the corners of a triangle are on one line, or one point: its normal is 0 except for the rounding of corners.
+/// Whether the corners of a triangle are on one line, or one point: its normal is 0 except for the
+/// rounding of corners.
 pub fn has_no_area([v1, v2, v3]: [DVec3; 3]) -> bool {
     // A corner that moves takes the opposite side with it.
     let size = |v: DVec3| v.abs().max_element();
@@ -183,7 +203,8 @@ pub fn has_no_area([v1, v2, v3]: [DVec3; 3]) -> bool {
     normal.is_nan() || normal <= 4.0 * f64::EPSILON * moved.into_iter().fold(0.0, f64::max)
 }
 
-/// L . N of eq. 11 for the side that the unit normal `n` points to: from 0 to 1, and 0 for a light on the surface.
+/// L . N of eq. 11 for the side that the unit normal `n` points to: from 0 to 1, and 0 for a light
+/// on the surface.
 pub fn lambert(light: DVec3, p: DVec3, n: DVec3) -> f64 {
     (light - p).try_normalize().map_or(0.0, |l| l.dot(n).max(0.0))
 }
@@ -193,12 +214,13 @@ pub fn lambert_two_sided(light: DVec3, p: DVec3, n: DVec3) -> f64 {
     (light - p).try_normalize().map_or(0.0, |l| l.dot(n).abs())
 }
 
-/// Whether a sphere hides a light from the point `p` of another object: whether it meets the segment between them, from outside
-/// or inside, its ends excepted. What the segment touches hides.
+/// Whether a sphere hides a light from the point `p` of another object: whether it meets the
+/// segment between them, from outside or inside, its ends excepted. What the segment touches hides.
 ///
-/// The roots of [`sphere`], asked for a light in the camera's place: how many are between 0 and 1 follows from the signs at the
-/// ends, and from where the middle of the chord is. Seen from the nearer end, the other one at any distance costs no digits. p is
-/// rounded, with this `epsilon`, but the light is where it is.
+/// The roots of [`sphere`], asked for a light in the camera's place: how many are between 0 and 1
+/// follows from the signs at the ends, and from where the middle of the chord is. Seen from the
+/// nearer end, the other one at any distance costs no digits. p is rounded, with this `epsilon`,
+/// but the light is where it is.
 pub fn sphere_hides(light: DVec3, p: DVec3, centre: DVec3, radius: f64, epsilon: f64) -> bool {
     let (to_light, from_p, from_light) = (light - p, centre - p, centre - light);
     let (before_p, before_light) = (to_light.dot(from_p) > 0.0, to_light.dot(from_light) < 0.0);
@@ -221,17 +243,19 @@ fn shorter(a: DVec3, b: DVec3) -> DVec3 {
     if b.length_squared() < a.length_squared() { b } else { a }
 }
 
-/// [`power`] of a point: for one near to a large sphere |c - p|^2 would lose what |c|^2 - r^2 keeps.
+/// [`power`] of a point: for one near to a large sphere |c - p|^2 would lose what |c|^2 - r^2
+/// keeps.
 fn power_of(p: DVec3, centre: DVec3, radius: f64) -> f64 {
     if p.dot(p) < radius * radius { p.dot(p - 2.0 * centre) + power(centre, radius) } else { power(centre - p, radius) }
 }
 
-/// Whether a triangle hides a light from the point `p` of another object, which is rounded with this `epsilon`: whether they are
-/// strictly on different sides of its plane, and the line between them meets it. Its edges and vertices hide.
+/// Whether a triangle hides a light from the point `p` of another object, which is rounded with
+/// this `epsilon`: whether they are strictly on different sides of its plane, and the line between
+/// them meets it. Its edges and vertices hide.
 pub fn triangle_hides(light: DVec3, p: DVec3, vertices: [DVec3; 3], epsilon: f64) -> bool {
     let [v1, v2, v3] = vertices;
-    // v x w of eq. 10 is a point of the edge times the edge, which loses no digits at its middle, or at an end that is a
-    // thousand times nearer, seen from the nearer of p and the light.
+    // v x w of eq. 10 is a point of the edge times the edge, which loses no digits at its middle,
+    // or at an end that is a thousand times nearer, seen from the nearer of p and the light.
     let to_light = light - p;
     let point = |v: DVec3, w: DVec3| {
         let (middle, end) = (0.5 * (v + w), shorter(v, w));
@@ -242,7 +266,8 @@ pub fn triangle_hides(light: DVec3, p: DVec3, vertices: [DVec3; 3], epsilon: f64
         to_light.dot(point.cross(w - v))
     };
     let first = volume(v1, v2);
-    // Of most triangles the line meets neither side, which costs less to know than where its ends are.
+    // Of most triangles the line meets neither side, which costs less to know than where its ends
+    // are.
     [1.0, -1.0].into_iter().any(|side| {
         (first * side >= 0.0 && volume(v2, v3) * side >= 0.0 && volume(v3, v1) * side >= 0.0)
             && triangle_side(vertices, p, 8.0 * epsilon / f64::EPSILON).is_some_and(|of_p| of_p.signum() == side)
@@ -250,7 +275,8 @@ pub fn triangle_hides(light: DVec3, p: DVec3, vertices: [DVec3; 3], epsilon: f64
     })
 }
 
-/// Whether a triangle turns its back to a light: whether that and the camera are strictly on different sides of its plane.
+/// Whether a triangle turns its back to a light: whether that and the camera are strictly on
+/// different sides of its plane.
 pub fn triangle_is_turned_away(light: DVec3, vertices: [DVec3; 3]) -> bool {
     let sides = triangle_side(vertices, light, 0.0).zip(triangle_volume(vertices));
     sides.is_some_and(|(of_light, of_camera)| of_light.signum() != of_camera.signum())

@@ -4,12 +4,14 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, assert_rows, existing, is_wanted};
+use super::{
+    Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, assert_rows, existing, is_wanted, rows_by_floats,
+};
 use crate::kernels::{AosKernels, Frame, Hits, Plain, Surface, Vec4};
 use crate::plan::Packed;
 use crate::scene::Scene;
 
-/// A scene, and the kernels that trace it.
+/// A packed scene, with the kernels that trace it.
 pub struct AosTracer {
     kernels: &'static AosKernels,
     hits: Hits,
@@ -30,7 +32,7 @@ impl Tracer for AosTracer {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        let FilmMut::F32x4(out) = out else { panic!("the paper's engines write floats") };
+        let FilmMut::F32x4(out) = out else { return rows_by_floats(self, rows, self.size, out) };
         assert_rows(&rows, self.size, out.len());
         self.kernels.trace.call(self.packed.frame(), self.packed.objects(), rows, out);
     }
@@ -41,7 +43,7 @@ impl Tracer for AosTracer {
         for (row, out) in rows.zip(out.chunks_exact_mut(width as usize)) {
             let mut end = 0;
             while end < width {
-                // Most of a row may be unwanted: so many pixels are passed over at once.
+                // Unwanted pixels, which may be most of a row, are skipped 64 at a time.
                 let mut block = end..width.min(end + 64);
                 end = block.end;
                 if wanted(row..row + 1, block.clone()).is_empty() {

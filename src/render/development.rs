@@ -1,30 +1,33 @@
-//! From linear light to what a picture shows: samples averaged, a background, exposure, and the sRGB curve.
+//! Develops linear light: averages samples, fills a background, applies exposure and sRGB.
 
 use std::ops::{Add, Range};
 use std::sync::Mutex;
 
 use super::edges::Edges;
-use super::film::with_pixels;
+use super::film::{rgba_to_bgra, with_pixels};
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED, assert_rows, existing};
-use crate::kernels::Vec4;
+use crate::kernels::{StandardFloats, Vec4};
+use crate::scene::srgb::encode;
 use crate::scene::{Camera, CameraError};
 
-/// Samples that are traced at once take no more memory than this many pixels, unless those of one row do.
+/// The most samples that are traced at a time, unless a single row has more.
 const MOST_TOGETHER: usize = 1 << 20;
 
-/// Edges are searched for in this many rows of tiles at a time.
+/// How many rows of tiles of the plain picture are searched for edges at a time.
 const TILES_TOGETHER: u32 = 2;
 
-/// What is done to linear light after tracing. By default nothing.
+/// What is done to linear light after tracing; by default nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Development {
     /// A pixel is the mean of `samples` x `samples` rays through the centres of its equal squares.
     pub samples: u32,
-    /// The light of a ray that hits nothing: linear red, green, blue. It is averaged and exposed like any other light.
+    /// The light of a ray that hits nothing: linear red, green, blue. It is averaged and exposed
+    /// like any other light.
     pub background: [f32; 3],
-    /// In stops: light is multiplied by 2 to this power.
+    /// The exposure in stops: light is multiplied by 2 to this power.
     pub exposure: f64,
-    /// Whether levels are the nearest on the sRGB curve (IEC 61966-2-1), and not linear.
+    /// Whether levels are the nearest on the sRGB curve (IEC 61966-2-1), and not linear. Films of
+    /// floats stay linear.
     pub srgb: bool,
 }
 
@@ -35,17 +38,18 @@ impl Default for Development {
 }
 
 impl Development {
-    /// The camera to trace the scene with: that of the samples.
+    /// The camera with which the scene is to be traced: the one whose pixels are the samples.
     ///
     /// # Errors
-    /// More samples than a picture may have pixels.
+    /// If there are more samples than a picture may have pixels.
     pub fn camera(&self, camera: &Camera) -> Result<Camera, CameraError> {
         let of = |side: u32| side.saturating_mul(self.samples);
         camera.sized(of(camera.width()), of(camera.height()))
     }
 }
 
-/// A tracer of the samples' picture, developed.
+/// A tracer of developed pixels. It drives another tracer, whose camera has a pixel for every
+/// sample, and develops each pixel from its samples.
 pub struct Developed<'a> {
     tracer: &'a dyn Tracer,
     /// The picture of one sample per pixel, if only edges have more.
@@ -53,12 +57,13 @@ pub struct Developed<'a> {
     width: usize,
     height: u32,
     development: Development,
-    /// Memory for samples that no thread uses now.
+    /// Buffers for samples that no thread uses at present.
     spare: Mutex<Vec<Vec<Vec4>>>,
 }
 
 impl<'a> Developed<'a> {
-    /// The picture of `camera`; `tracer` traces [`Development::camera`] in [`PixelFormat::F32x4`].
+    /// A tracer of `camera`'s picture; `tracer` must trace [`Development::camera`] in
+    /// [`PixelFormat::F32x4`].
     ///
     /// # Panics
     /// If there is no such camera.
@@ -68,9 +73,10 @@ impl<'a> Developed<'a> {
         Developed { tracer, plain: None, width, height, development, spare: Mutex::default() }
     }
 
-    /// Omits the samples of pixels that are not at an edge: these have the light of `plain`, which traces with the
-    /// picture's own camera. At an edge are pixels that differ by more than four levels from the mean of two opposite
-    /// neighbours; a detail that no ray of `plain` hits has no edge.
+    /// Omits the samples of pixels that are not at an edge: these have the light of `plain`, which
+    /// traces with the picture's own camera. At an edge are pixels that differ by more than four
+    /// levels from the mean of two opposite neighbours; a detail that no ray of `plain` hits has no
+    /// edge.
     pub fn along_edges(self, plain: &'a dyn Tracer) -> Self {
         let development = Development { samples: 1, ..self.development };
         let (width, height) = (self.width, self.height);
@@ -83,14 +89,16 @@ impl<'a> Developed<'a> {
         rows.start * self.development.samples..rows.end * self.development.samples
     }
 
-    /// Develops the pixels of all rows, or only those at `edges`; returns the sum of the tracer's counts of hits.
+    /// Develops the pixels of all rows, or only those at `edges`; returns the sum of the tracer's
+    /// counts of hits.
     fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
+        let _floats = StandardFloats::set();
         assert_rows(&rows, [self.width as u32, self.height], out.len());
-        let Development { samples, background, exposure, srgb } = self.development;
-        // Beyond numbers, black would be none.
+        let Development { samples, background, exposure, .. } = self.development;
+        // Clamped because 0 times infinity would turn black into a NaN.
         let scale = exposure.exp2().min(f64::MAX) / f64::from(samples * samples);
-        // The level of one sample is that of its light.
-        let as_it_is = scale == 1.0 && samples == 1 && !srgb;
+        // With nothing to develop, a pixel is its only sample.
+        let as_it_is = scale == 1.0 && samples == 1 && !self.is_encoded::<P>();
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
         let together = (self.together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
@@ -98,7 +106,7 @@ impl<'a> Developed<'a> {
         light.resize(light.len().max(of_row * together), Vec4::from([0.0; 4]));
         let [x, y, z] = background;
         let background = Vec4::new(x, y, z);
-        // The levels of what most pixels without a hit have are converted once.
+        // The background, which most pixels without a hit have, is converted only once.
         let rest = P::of_linear(&background);
         let level = |light: &Vec4| if *light == background { rest } else { P::of_linear(light) };
         let wanted = |rows: Range<u32>, columns: Range<u32>| {
@@ -134,10 +142,16 @@ impl<'a> Developed<'a> {
     /// Develops the sum of a pixel's samples.
     fn pixel<P: Pixel>(&self, scale: f64, sum: [f64; 3]) -> P {
         let light = sum.map(|sum| sum * scale);
-        P::of_colour(if self.development.srgb { light.map(nearest_level) } else { light }.into())
+        P::of_colour(if self.is_encoded::<P>() { light.map(nearest_level) } else { light }.into())
     }
 
-    /// The levels of the plain picture from the row above these to the one below, if they exist, and their edges.
+    /// Whether pixels of this format are on the sRGB curve: only levels are.
+    fn is_encoded<P: Pixel>(&self) -> bool {
+        self.development.srgb && P::FORMAT.is_8bit()
+    }
+
+    /// The edges of these rows, and the levels of the plain picture from the row above them to the
+    /// row below, if these exist.
     fn edges(&self, plain: &Developed<'_>, rows: Range<u32>) -> (Edges, Vec<[u8; 4]>) {
         let known = rows.start.saturating_sub(1)..self.height.min(rows.end + 1);
         let mut levels = vec![[0; 4]; known.len() * self.width];
@@ -158,13 +172,15 @@ impl<'a> Developed<'a> {
         match &mut out {
             FilmMut::Rgba8(out) => out.copy_from_slice(&levels),
             FilmMut::Rgb8(out) => out.iter_mut().zip(levels).for_each(|(out, [r, g, b, _])| *out = [r, g, b]),
+            FilmMut::Bgra8(out) => rgba_to_bgra(&levels, out),
             FilmMut::F32x3(out) => plain.rows(rows.clone(), Pixel::film(out)),
             FilmMut::F32x4(out) => plain.rows(rows.clone(), Pixel::film(out)),
         }
         with_pixels!(FilmMut(out) = out => _ = self.develop(rows, Some(&edges), out));
     }
 
-    /// The number of rows of pixels, starting at a multiple of it, that have whole tiles of samples.
+    /// The number of rows of pixels whose samples are whole rows of tiles, if they start at a
+    /// multiple of it.
     fn together(&self) -> u32 {
         let samples = self.development.samples;
         let of_tracer = self.tracer.rows_together().clamp(1, self.height * samples);
@@ -172,7 +188,8 @@ impl<'a> Developed<'a> {
     }
 }
 
-/// The sum of the light of a pixel's samples, `samples` in a row; rows of `light` have `across` samples.
+/// The sum of the light of a pixel's `samples` x `samples` samples; rows of `light` have `across`
+/// samples.
 fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3] {
     let mut sum = [0.0; 4];
     for row in light.chunks_exact(across) {
@@ -186,11 +203,10 @@ fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3]
     [r, g, b]
 }
 
-/// A value whose linear level is the nearest one on the sRGB curve to that of this linear light.
+/// Encodes linear light on the sRGB curve, so that truncating the result to a level rounds to the
+/// nearest level.
 fn nearest_level(linear: f64) -> f64 {
-    let v = linear.clamp(0.0, 1.0);
-    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    encoded + 0.5 / 255.0
+    encode(linear.clamp(0.0, 1.0)) + 0.5 / 255.0
 }
 
 impl Tracer for Developed<'_> {
@@ -200,7 +216,8 @@ impl Tracer for Developed<'_> {
 
     fn rows_together(&self) -> u32 {
         match &self.plain {
-            // For each row of tiles, the plain picture's tiles above and below are traced again.
+            // Several rows of tiles at a time, because for each piece the plain picture's tiles
+            // above and below it are traced again.
             Some(plain) => (TILES_TOGETHER * plain.together()).next_multiple_of(self.together()),
             None => self.together(),
         }
@@ -260,7 +277,7 @@ impl Tracer for Developed<'_> {
 mod tests {
     use super::*;
     use crate::render::{Engine, Film, Wanted, level};
-    use crate::scene::{Scene, many};
+    use crate::scene::{MAX_SIDE, Scene, many};
 
     fn light(scene: &Scene, development: Development, rows: Range<u32>) -> Vec<[f32; 3]> {
         let traced = Scene { camera: development.camera(&scene.camera).unwrap(), ..scene.clone() };
@@ -360,12 +377,13 @@ mod tests {
     }
 
     #[test]
-    fn the_background_is_where_no_ray_hits_which_the_picture_tells_and_exposure_doubles_with_each_stop() {
+    fn background_is_kept_and_exposure_doubles_with_each_stop() {
         let development = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
         let mut seen = [0, 0];
-        // Many objects, darkness, few objects, one of each kind, and rows so long that they are interleaved.
+        // Many objects, in light and in the dark; few objects; one of each kind; and
+        // the longest rows.
         let lots =
-            [(20, true, 77, 36), (20, false, 77, 36), (3, true, 77, 36), (1, true, 77, 36), (2, true, 65_600, 2)];
+            [(20, true, 77, 36), (20, false, 77, 36), (3, true, 77, 36), (1, true, 77, 36), (2, true, MAX_SIDE, 2)];
         for (objects, lit, width, height) in lots {
             let scene = many(objects, objects, 3);
             let lights = if lit { scene.lights } else { Vec::new() };
@@ -401,7 +419,17 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_none_and_exposures_beyond_numbers_are_developed() {
+    fn floats_are_linear_with_srgb_too() {
+        for samples in [1, 2] {
+            let linear = Development { samples, background: [0.25, 0.5, 1.0], ..Development::default() };
+            let encoded = Development { srgb: true, ..linear };
+            let [linear, encoded] = [linear, encoded].map(|development| light(&scene(), development, 0..36));
+            assert_eq!(linear, encoded, "{samples} x {samples} samples");
+        }
+    }
+
+    #[test]
+    fn empty_rows_and_absurd_exposures_are_developed() {
         let scene = scene();
         let development = Development { samples: 2, ..Development::default() };
         let traced = Scene { camera: development.camera(&scene.camera).unwrap(), ..scene.clone() };

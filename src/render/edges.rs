@@ -1,28 +1,30 @@
-//! Where a picture has edges: pixels in which more than one ray pays.
+//! Finds the edges of a picture: the pixels in which more than one ray pays.
 
 use std::ops::Range;
 
-/// A pixel is at an edge if in some direction the sum of the levels of two opposite neighbours differs by more than
-/// this from twice its own. Where light is smooth such a difference is its second derivative, and the mean over the
-/// pixel differs from the centre by a 24th of it in each of two directions: by less than a level.
+/// A pixel is at an edge if in some direction the sum of the levels of two opposite neighbours
+/// differs by more than this from twice its own. Where light is smooth, this difference is its
+/// second derivative, and the mean over a pixel differs from the value at its centre by a 24th of
+/// that for each of the two axes: by less than a level.
 const MOST_BEND: i16 = 8;
 
 /// The pixels of some rows that are at edges.
 pub(super) struct Edges {
     /// The first of the rows.
     first: u32,
-    /// The columns of the first row's edges, those of the next, and so on.
+    /// The columns of the first row's edges, followed by those of the next row, and so on.
     columns: Vec<u32>,
-    /// Where each row's columns begin, and the last row's end.
+    /// The index in `columns` at which each row begins, and the end of the last row.
     starts: Vec<usize>,
 }
 
 impl Edges {
-    /// The edges of `rows`, in a picture of which `levels` are the `known` rows: these, and the ones above and below if
-    /// they exist. Beyond the picture's border its last pixels are repeated.
+    /// The edges of `rows`, in a picture of which `levels` are the `known` rows: these, and the
+    /// ones above and below if they exist. Beyond the picture's border its last pixels are
+    /// repeated.
     pub(super) fn of(levels: &[[u8; 4]], known: Range<u32>, rows: Range<u32>, width: usize) -> Self {
         let (mut columns, mut starts) = (Vec::new(), vec![0]);
-        // Rows of bytes, with one more pixel on either side.
+        // Three rows of levels, each extended by one pixel on either side.
         let mut three = [const { Vec::new() }; 3];
         let mut bends = vec![0; 4 * width];
         for row in rows.clone() {
@@ -65,8 +67,8 @@ impl Edges {
     }
 }
 
-/// 1 where the second difference of a level in the middle row is too large in one of four directions, else 0. Rows have
-/// one more pixel on either side.
+/// 1 where the second difference of a level in the middle row is too large in one of four
+/// directions, else 0. Rows have one more pixel on either side.
 fn find_bends(rows: [&[u8]; 3], bends: &mut [u8]) {
     let count = bends.len();
     let [above, here, below] = rows.map(|row| [0, 4, 8].map(|start| &row[start..][..count]));
@@ -109,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_smooth_has_no_edges_and_a_step_has_one_on_either_side() {
+    fn smooth_pictures_have_no_edges_and_steps_two() {
         let slope = [[10, 30, 50, 70, 90]; 4];
         assert_eq!(edges(&slope).concat(), [0, 4].repeat(4), "the picture's own border is one");
         let step = [[40, 40, 40, 90, 90, 90]; 3];
@@ -122,7 +124,8 @@ mod tests {
     fn a_corner_is_seen_from_all_around_and_eight_levels_are_none() {
         let mut dot = [[50; 7]; 5];
         dot[2][3] = 58;
-        // Twice its own level counts twice.
+        // The pixel itself counts twice: its difference is 16, that of its neighbours only 8, which
+        // is no edge.
         assert_eq!(edges(&dot), [vec![], vec![], vec![3], vec![], vec![]]);
         dot[2][3] = 54;
         assert_eq!(edges(&dot).concat(), [0; 0]);

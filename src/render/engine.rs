@@ -1,4 +1,4 @@
-//! The engines by name: which exist, which this machine supports, and what each can do.
+//! The engines by name: which of them exist, which this machine supports, and what each can do.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,13 +7,13 @@ use super::plan::Plan;
 use super::tiles::MOST_LIGHTS;
 use super::{PixelFormat, Tracer};
 use crate::kernels::{self, Isa, PacketKernels};
-use crate::plan::{Keep, Omission};
+use crate::plan::{Cancel, Keep, Omission, lights};
 use crate::scene::{InvalidScene, Scene, brief};
 
 /// The implementation that computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Engine {
-    /// Pure Rust in f64: the standard for all others.
+    /// Pure Rust in f64, with which all others are compared.
     Reference,
     /// Pure Rust in f32, with glam's `Vec3A`.
     Rust,
@@ -21,24 +21,28 @@ pub enum Engine {
     C,
     /// The paper's NASM macros, one vector in one register.
     Paper,
-    /// Packets in Rust, one ray in each lane.
+    /// Packets in Rust: as many rays at a time as a vector has lanes.
     Portable,
-    /// The same in NASM.
+    /// Packets in NASM, for an instruction set: 4, 8 or 16 rays at a time.
     Packet(Isa),
 }
 
 /// What an engine is prepared for.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Purpose {
+pub struct Purpose<'a> {
     /// The precision; None: the engine's own.
     pub precision: Option<Precision>,
-    /// The only format that it will write, or one that differs from it only in the number of channels; None: any.
+    /// The only format that the engine will have to write, apart from one that differs only in its
+    /// number of channels; None: any.
     pub format: Option<PixelFormat>,
-    /// The omissions that are not to be made.
+    /// The omissions that must not be made.
     pub keep: Keep,
-    /// The threads that prepare it; 0 is 1. The pictures do not depend on it.
+    /// The number of threads that prepare it; 0 means 1. The pictures do not depend on it.
     pub threads: usize,
-    /// Whether the film is a band of the picture that the next one replaces: it then stays in the caches.
+    /// What stops planning; None: nothing does.
+    pub cancel: Option<&'a Cancel>,
+    /// Whether the film is a band of the picture that the next one replaces: it then stays in the
+    /// caches.
     pub in_bands: bool,
 }
 
@@ -93,6 +97,9 @@ pub enum EngineError {
         /// The number of lights that are not dark.
         lights: usize,
     },
+    /// [`Purpose::cancel`] stopped planning.
+    #[error("planning was stopped")]
+    Cancelled,
     /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
     Scene(#[from] InvalidScene),
@@ -139,7 +146,7 @@ impl Engine {
         }
     }
 
-    /// Whether this CPU supports it.
+    /// Whether this CPU supports it. Only then can it be prepared.
     pub fn usable(self) -> bool {
         match self {
             Engine::Reference | Engine::Rust | Engine::Portable => true,
@@ -152,7 +159,8 @@ impl Engine {
     /// The fastest engine that this CPU supports: the meaning of `auto`.
     pub fn fastest() -> Engine {
         let mut engines = Engine::ALL.iter().copied().filter(|engine| engine.usable());
-        // They are listed from the slowest to the fastest, except `c`, which is slower than `paper` and all packets.
+        // The list goes from the slowest to the fastest, except that `c` is slower than `paper` and
+        // all packets.
         engines.rfind(|engine| *engine != Engine::C).unwrap_or(Engine::Rust)
     }
 
@@ -171,6 +179,31 @@ impl Engine {
         }
     }
 
+    /// Checks without planning whether [`Plan::new`] takes a scene in a precision (None: the
+    /// engine's own), except for the validity of the scene's numbers.
+    ///
+    /// # Errors
+    /// Those of [`Plan::new`], except [`EngineError::Scene`] and [`EngineError::Cancelled`].
+    pub fn takes(self, scene: &Scene, precision: Option<Precision>) -> Result<(), EngineError> {
+        // An unsupported precision is an error for every engine.
+        self.precision_for(precision)?;
+        if scene.shadows && !self.has_shadows() {
+            return Err(EngineError::NoShadows(self));
+        }
+        if !self.usable() {
+            return Err(EngineError::Unusable(self));
+        }
+        let most_lights = if self.is_packet() { MOST_LIGHTS } else { usize::MAX };
+        if scene.lights.len() > most_lights {
+            // Dark lights do not count.
+            let lights = lights(scene).len();
+            if lights > most_lights {
+                return Err(EngineError::Lights { engine: self, lights });
+            }
+        }
+        Ok(())
+    }
+
     /// Whether it traces rays in packets.
     pub fn is_packet(self) -> bool {
         matches!(self, Engine::Packet(_) | Engine::Portable)
@@ -182,6 +215,7 @@ impl Engine {
     }
 
     /// Its packet kernels, if it has any and this CPU supports them.
+    #[doc(hidden)]
     pub fn packets(self) -> Option<&'static PacketKernels> {
         match self {
             Engine::Portable => Some(kernels::portable()),
@@ -207,14 +241,15 @@ impl Engine {
     pub fn omissions(self) -> &'static [Omission] {
         match self {
             Engine::Reference => &[Omission::Hidden],
-            // In f32, eq. 9 would return rounding errors as hits of a triangle that is never hit.
+            // For a triangle that is never hit, eq. 9 in f32 would return rounding errors as hits.
             Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
             Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
             Engine::Portable | Engine::Packet(_) => &Omission::ALL,
         }
     }
 
-    /// The format in which it computes for a file of 8 bits (`bytes`) or of floats, which has three channels.
+    /// The format in which it computes for a file of 8 bits (`bytes`) or of floats, which has three
+    /// channels.
     pub fn format_for(self, bytes: bool) -> PixelFormat {
         match (self == Engine::Reference || self.is_packet(), bytes) {
             (true, true) => PixelFormat::Rgb8,
@@ -224,8 +259,8 @@ impl Engine {
     }
 
     /// The precision requested, if it has that.
-    pub(super) fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
-        let precision = purpose.precision.unwrap_or(self.precision());
+    pub(super) fn precision_for(self, precision: Option<Precision>) -> Result<Precision, EngineError> {
+        let precision = precision.unwrap_or(self.precision());
         if !self.precisions().contains(&precision) {
             return Err(EngineError::NoPrecision(self, precision));
         }

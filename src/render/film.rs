@@ -1,4 +1,4 @@
-//! Pixels in memory: floats or bytes, four or three of them, and the conversion between them.
+//! Pixels in memory, each of three or four floats or bytes, and conversions between them.
 
 use std::collections::TryReserveError;
 use std::ops::Range;
@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::kernels::memory::try_reserve;
-use crate::kernels::{self, Vec4};
+use crate::kernels::{self, Narrow, Vec4};
 
 /// The format of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,11 +19,15 @@ pub enum PixelFormat {
     Rgba8,
     /// Three bytes: red, green, blue from 0 to 255.
     Rgb8,
+    /// The number `0xffRRGGBB`, as windows take it: on little-endian machines the bytes blue,
+    /// green, red and 255.
+    Bgra8,
 }
 
 impl PixelFormat {
     /// Every one.
-    pub const ALL: [PixelFormat; 4] = [PixelFormat::F32x4, PixelFormat::F32x3, PixelFormat::Rgba8, PixelFormat::Rgb8];
+    pub const ALL: [PixelFormat; 5] =
+        [PixelFormat::F32x4, PixelFormat::F32x3, PixelFormat::Rgba8, PixelFormat::Rgb8, PixelFormat::Bgra8];
 
     /// Bytes of a pixel.
     pub fn bytes(self) -> usize {
@@ -32,6 +36,7 @@ impl PixelFormat {
             PixelFormat::F32x3 => size_of::<[f32; 3]>(),
             PixelFormat::Rgba8 => size_of::<[u8; 4]>(),
             PixelFormat::Rgb8 => size_of::<[u8; 3]>(),
+            PixelFormat::Bgra8 => size_of::<u32>(),
         }
     }
 
@@ -39,7 +44,7 @@ impl PixelFormat {
     pub fn is_8bit(self) -> bool {
         match self {
             PixelFormat::F32x4 | PixelFormat::F32x3 => false,
-            PixelFormat::Rgba8 | PixelFormat::Rgb8 => true,
+            PixelFormat::Rgba8 | PixelFormat::Rgb8 | PixelFormat::Bgra8 => true,
         }
     }
 
@@ -50,6 +55,7 @@ impl PixelFormat {
             PixelFormat::F32x3 => "f32x3",
             PixelFormat::Rgba8 => "rgba8",
             PixelFormat::Rgb8 => "rgb8",
+            PixelFormat::Bgra8 => "bgra8",
         }
     }
 }
@@ -75,18 +81,22 @@ impl Colour {
 
 /// A pixel as a Rust type.
 pub trait Pixel: Copy + Send + 'static {
-    /// The pixel of a linear colour; in floats it is clamped to the largest f32.
+    /// The format of such pixels.
+    const FORMAT: PixelFormat;
+    /// The pixel of a linear colour; floats are clamped to the largest f32.
     fn of_colour(colour: DVec3) -> Self;
-    /// The pixel of one in four floats.
+    /// Converts a pixel from four floats.
     fn of_linear(linear: &Vec4) -> Self;
+    /// The linear colour of the pixel.
     fn colour(self) -> Colour;
-    /// A slice of them, to write to.
+    /// Wraps a slice of such pixels as a film to write to.
     fn film(pixels: &mut [Self]) -> FilmMut<'_>;
 }
 
 impl Pixel for Vec4 {
+    const FORMAT: PixelFormat = PixelFormat::F32x4;
     fn of_colour(colour: DVec3) -> Self {
-        // The brightest lights together exceed f32.
+        // The light of very bright lights together may exceed f32.
         colour.min(DVec3::splat(f32::MAX.into())).as_vec3().into()
     }
     fn of_linear(linear: &Vec4) -> Self {
@@ -101,6 +111,7 @@ impl Pixel for Vec4 {
 }
 
 impl Pixel for [f32; 3] {
+    const FORMAT: PixelFormat = PixelFormat::F32x3;
     fn of_colour(colour: DVec3) -> Self {
         Self::of_linear(&Pixel::of_colour(colour))
     }
@@ -116,6 +127,7 @@ impl Pixel for [f32; 3] {
 }
 
 impl Pixel for [u8; 4] {
+    const FORMAT: PixelFormat = PixelFormat::Rgba8;
     fn of_colour(colour: DVec3) -> Self {
         let [r, g, b] = Pixel::of_colour(colour);
         [r, g, b, 255]
@@ -134,6 +146,7 @@ impl Pixel for [u8; 4] {
 }
 
 impl Pixel for [u8; 3] {
+    const FORMAT: PixelFormat = PixelFormat::Rgb8;
     fn of_colour(colour: DVec3) -> Self {
         colour.to_array().map(level)
     }
@@ -148,7 +161,40 @@ impl Pixel for [u8; 3] {
     }
 }
 
-/// Whole rows of an image.
+/// [`PixelFormat::Bgra8`].
+impl Pixel for u32 {
+    const FORMAT: PixelFormat = PixelFormat::Bgra8;
+    fn of_colour(colour: DVec3) -> Self {
+        bgra(Pixel::of_colour(colour))
+    }
+    fn of_linear(linear: &Vec4) -> Self {
+        bgra(Pixel::of_linear(linear))
+    }
+    fn colour(self) -> Colour {
+        let [_, r, g, b] = self.to_be_bytes();
+        Colour::Levels([r, g, b])
+    }
+    fn film(pixels: &mut [Self]) -> FilmMut<'_> {
+        FilmMut::Bgra8(pixels)
+    }
+}
+
+/// The pixel of [`PixelFormat::Bgra8`] with the colour of one of [`PixelFormat::Rgba8`].
+fn bgra([r, g, b, a]: [u8; 4]) -> u32 {
+    u32::from_be_bytes([a, r, g, b])
+}
+
+/// Converts pixels of [`PixelFormat::Rgba8`] to as many of [`PixelFormat::Bgra8`].
+pub(super) fn rgba_to_bgra(rgba: &[[u8; 4]], out: &mut [u32]) {
+    out.iter_mut().zip(rgba).for_each(|(out, pixel)| *out = bgra(*pixel));
+}
+
+/// A kernel that converts pixels of four channels to as many of three, as a function.
+pub(super) fn narrow<Four, Three>(kernel: &Narrow<Four, Three>) -> impl Fn(&[Four], &mut [Three]) {
+    |four, three| kernel.call(four, three)
+}
+
+/// Pixels in memory, whole rows of a picture from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Film {
     /// Four floats each.
@@ -159,6 +205,8 @@ pub enum Film {
     Rgba8(Vec<[u8; 4]>),
     /// Three bytes each.
     Rgb8(Vec<[u8; 3]>),
+    /// Four bytes each, as a number.
+    Bgra8(Vec<u32>),
 }
 
 /// No memory for a film.
@@ -183,7 +231,7 @@ pub struct WrongSize {
     pub expected: usize,
 }
 
-/// A part of a [`Film`] to write to.
+/// Pixels to write to: a [`Film`], a part of one, or any buffer of a caller.
 #[derive(Debug)]
 pub enum FilmMut<'a> {
     /// Four floats each.
@@ -194,9 +242,12 @@ pub enum FilmMut<'a> {
     Rgba8(&'a mut [[u8; 4]]),
     /// Three bytes each.
     Rgb8(&'a mut [[u8; 3]]),
+    /// Four bytes each, as a number.
+    Bgra8(&'a mut [u32]),
 }
 
-/// Does the same with the pixels of a film, which is a `$kind`, whatever their format.
+/// Evaluates an expression with the pixels of a film, which is a `$kind`, once for each pixel
+/// format.
 macro_rules! with_pixels {
     ($kind:ident($pixels:ident) = $film:expr => $use:expr) => {
         match $film {
@@ -204,13 +255,15 @@ macro_rules! with_pixels {
             $kind::F32x3($pixels) => $use,
             $kind::Rgba8($pixels) => $use,
             $kind::Rgb8($pixels) => $use,
+            $kind::Bgra8($pixels) => $use,
         }
     };
 }
 pub(super) use with_pixels;
 
 impl Film {
-    /// A film of `pixels` pixels, none of them black: each is touched, and any that is never written shows.
+    /// A film of `pixels` pixels that are not black: all of its memory has been touched, and a
+    /// pixel that is never written can be seen.
     pub fn new(format: PixelFormat, pixels: usize) -> Result<Self, NoMemory> {
         Self::filled(format, pixels).map_err(|source| NoMemory { bytes: pixels.saturating_mul(format.bytes()), source })
     }
@@ -227,6 +280,7 @@ impl Film {
             PixelFormat::F32x3 => Film::F32x3(filled(pixels, [f32::NAN; 3])?),
             PixelFormat::Rgba8 => Film::Rgba8(filled(pixels, [255, 0, 255, 0])?),
             PixelFormat::Rgb8 => Film::Rgb8(filled(pixels, [255, 0, 255])?),
+            PixelFormat::Bgra8 => Film::Bgra8(filled(pixels, 0x00ff_00ff)?),
         })
     }
 
@@ -248,11 +302,12 @@ impl Film {
         with_pixels!(Film(pixels) = self => kernels::bytes(pixels))
     }
 
-    /// Copies its rows of `width` pixels to a buffer whose rows begin `stride` bytes apart, as those of windows and
-    /// textures do. The bytes between them stay unchanged.
+    /// Copies its rows of `width` pixels to a buffer whose rows begin `stride` bytes apart, as
+    /// those of windows and textures do. The bytes between them stay unchanged.
     ///
     /// # Errors
-    /// If the film is not made of whole rows of that width, or if they do not fit into the stride or the buffer.
+    /// If the film is not made of whole rows of that width, or if they do not fit into the stride
+    /// or the buffer.
     ///
     /// ```
     /// # use rayo::{Film, PixelFormat};
@@ -322,6 +377,7 @@ impl<'a> FilmMut<'a> {
             FilmMut::F32x3(_) => PixelFormat::F32x3,
             FilmMut::Rgba8(_) => PixelFormat::Rgba8,
             FilmMut::Rgb8(_) => PixelFormat::Rgb8,
+            FilmMut::Bgra8(_) => PixelFormat::Bgra8,
         }
     }
 
@@ -388,10 +444,11 @@ mod tests {
         assert_eq!(<[f32; 3]>::of_colour(colour), [f32::MAX, 0.5, 0.0]);
         assert_eq!(<[u8; 4]>::of_colour(colour), [255, 127, 0, 255]);
         assert_eq!(<[u8; 3]>::of_colour(colour), [255, 127, 0]);
+        assert_eq!(u32::of_colour(colour), 0xff_ff7f00);
     }
 
     #[test]
-    fn rows_are_copied_with_what_is_between_them_left_alone_and_no_size_that_is_wrong_is_taken() {
+    fn rows_are_copied_with_gaps_left_alone() {
         let linear: Vec<_> = (0..6).map(|i| Vec4::new(i as f32 / 255.0, 0.0, 1.0)).collect();
         for format in PixelFormat::ALL {
             let mut film = Film::new(format, 6).unwrap();

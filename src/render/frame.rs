@@ -11,16 +11,17 @@ use super::film::with_pixels;
 use super::{
     Counted, Film, FilmMut, Hit, NoMemory, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, assert_rows, existing,
 };
-use crate::plan::{MAX_THREADS, Team};
+use crate::kernels::StandardFloats;
+use crate::plan::{Cancel, Halved, MAX_THREADS, Team};
 use crate::scene::Camera;
 
-/// A thread takes at a time as many whole rows as have this many pixels, and at least one.
+/// A task has as many whole rows as have this many pixels, and at least one.
 const TASK_PIXELS: usize = 1 << 14;
 
-/// How to render.
+/// The settings of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Threads that trace, at least 1.
+    /// The number of threads that trace, at least 1.
     pub threads: usize,
 }
 
@@ -42,14 +43,13 @@ pub enum RenderError {
         /// The number that there could be.
         given: usize,
     },
+    /// [`Frame::stopped_by`] stopped it.
+    #[error("tracing was stopped")]
+    Cancelled,
     /// An error of the image file.
     #[cfg(feature = "files")]
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// An error of another rank, with its rank and its message.
-    #[cfg(feature = "mpi")]
-    #[error("{0}")]
-    Rank(String),
 }
 
 /// An engine, the camera that it is prepared for, and the threads that run it.
@@ -57,14 +57,19 @@ pub struct Frame<'a> {
     pub(super) tracer: &'a dyn Tracer,
     pub(super) camera: Camera,
     team: Arc<Team>,
+    cancel: Option<&'a Cancel>,
     /// Whether [`Stats`](super::Stats) count rays and their hits.
     #[cfg(feature = "files")]
     pub(super) counts_hits: bool,
 }
 
 impl<'a> Frame<'a> {
-    /// Prepares the threads.
+    /// Starts the threads, or reuses those of the last frame or plan that had as many.
+    ///
+    /// # Errors
+    /// [`RenderError::Threads`].
     pub fn new(tracer: &'a dyn Tracer, camera: Camera, settings: Settings) -> Result<Self, RenderError> {
+        let _floats = StandardFloats::set();
         let threads = settings.threads.max(1);
         let team = Team::of(threads).map_err(|given| RenderError::Threads { threads, given })?;
         team.keep_awake();
@@ -72,9 +77,17 @@ impl<'a> Frame<'a> {
             tracer,
             camera,
             team,
+            cancel: None,
             #[cfg(feature = "files")]
             counts_hits: false,
         })
+    }
+
+    /// Lets `cancel` stop [`trace`](Self::trace) and `render_to_file`. It is checked before every
+    /// few rows: one, or as many as a tile has.
+    pub fn stopped_by(mut self, cancel: &'a Cancel) -> Self {
+        self.cancel = Some(cancel);
+        self
     }
 
     /// Makes [`Stats`](super::Stats) count rays and their hits.
@@ -84,7 +97,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Threads that trace.
+    /// The number of threads that trace.
     #[cfg(feature = "files")]
     pub(super) fn threads(&self) -> usize {
         self.team.threads()
@@ -97,14 +110,13 @@ impl<'a> Frame<'a> {
         Ok(Film::new(format, pixels)?)
     }
 
-    /// Traces `rows` into `film`; `done` is told of every few rows that are finished. The threads then stay awake for a
-    /// while, as more is likely to follow.
+    /// Traces `rows` into `film`, and calls `done` with the number of rows of each finished task.
+    /// Afterwards the threads stay awake for a while, since more work is likely to follow.
     ///
     /// # Errors
-    /// [`RenderError::Size`], and nothing is traced, if the picture has no such rows, or the film not as many pixels.
-    ///
-    /// # Panics
-    /// As [`Tracer::rows`], if the engine does not write this format.
+    /// [`RenderError::Size`], and nothing is traced, if the picture has no such rows, or the film
+    /// not as many pixels. [`RenderError::Cancelled`] if it was [stopped](Self::stopped_by); then
+    /// some rows are as they were.
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
         let pixels = self.camera.width() as usize * rows.len();
         self.has_rows(rows.end)?;
@@ -113,7 +125,12 @@ impl<'a> Frame<'a> {
         }
         self.trace_band(rows, film, done);
         self.team.keep_awake();
-        Ok(())
+        if self.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
+    }
+
+    /// Whether it was stopped.
+    pub(super) fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(Cancel::is_cancelled)
     }
 
     /// Whether the picture has as many rows.
@@ -122,7 +139,8 @@ impl<'a> Frame<'a> {
         if found > expected { Err(WrongSize { what, found, expected }) } else { Ok(()) }
     }
 
-    /// The first hit of the ray through the centre of a pixel; None if it hits nothing, or if there is no such pixel.
+    /// The first hit of the ray through the centre of a pixel; None if it hits nothing, or if there
+    /// is no such pixel.
     ///
     /// ```
     /// # use rayo::glam::Vec3;
@@ -140,18 +158,24 @@ impl<'a> Frame<'a> {
     /// # }
     /// ```
     pub fn hit(&self, column: u32, row: u32) -> Option<Hit> {
+        let _floats = StandardFloats::set();
         let found = (*self.tracer.hits(row..row.saturating_add(1)).get(column as usize)?)?;
         let place = found.distance.t() * DVec3::from(self.camera.grid().ray(row, column));
         Some(Hit { object: found.object, place, normal: found.normal })
     }
 
-    /// The same for a band, after which the cores have other work to do.
+    /// As [`trace`](Self::trace), for a band of a larger picture. The threads do not stay awake
+    /// afterwards, since the cores have other work to do.
     pub(super) fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
         let trace = |rows, film: FilmMut<'_>| self.tracer.rows(rows, film);
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
     }
 
-    /// The same; and the rays and their hits, if the engine [knows](Tracer::counted_rows) them.
+    /// As [`trace`](Self::trace), and returns the rays and their hits, if the engine
+    /// [knows](Tracer::counted_rows) them.
+    ///
+    /// # Panics
+    /// As [`Tracer::rows`], also if the film is not as long as the rows.
     pub fn trace_counted(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Option<Counted> {
         let sum = Mutex::new(Some(Counted::default()));
         let trace = |rows, film: FilmMut<'_>| add(&sum, self.tracer.counted_rows(rows, film));
@@ -177,7 +201,10 @@ impl<'a> Frame<'a> {
 
     /// The number of rows that a thread takes at a time.
     pub(super) fn task_rows(&self) -> usize {
-        let rows = (TASK_PIXELS / self.camera.width() as usize).max(1);
+        // Before each task it is checked whether the frame was stopped: the smaller tasks are, the
+        // sooner it stops.
+        let pixels = if self.cancel.is_some() { 0 } else { TASK_PIXELS };
+        let rows = (pixels / self.camera.width() as usize).max(1);
         rows.next_multiple_of(self.rows_together() as usize)
     }
 
@@ -196,17 +223,21 @@ impl<'a> Frame<'a> {
         let width = self.camera.width() as usize;
         assert_rows(&rows, [self.camera.width(), self.camera.height()], film.len());
         let task_rows = self.task_rows();
-        // Rows that cost least together stay so: half of a tile takes four fifths of its time.
+        // Rows that cost least when traced together are not separated: half of a tile takes four
+        // fifths of its time.
         let together = self.rows_together();
         let halve = |(start, part): (u32, &'f mut [P])| {
             let count = (part.len() / width) as u32 / 2 / together * together;
             if count == 0 {
-                return ((start, part), None);
+                return Halved::whole((start, part));
             }
             let (half, rest) = part.split_at_mut(count as usize * width);
-            ((start, half), Some((start + count, rest)))
+            Halved { first: (start, half), rest: Some((start + count, rest)) }
         };
         let work = |(): &mut (), (start, part): (u32, &'f mut [P])| {
+            if self.is_cancelled() {
+                return;
+            }
             let count = (part.len() / width) as u32;
             trace(start..start + count, P::film(part));
             done(count);
@@ -215,7 +246,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Adds the counts of some rows; if they are unknown, those of all are.
+/// Adds the counts of some rows; if those are unknown, the sum becomes unknown.
 fn add(sum: &Mutex<Option<Counted>>, some: Option<Counted>) {
     let mut sum = sum.lock().expect(UNPOISONED);
     *sum = sum.zip(some).map(|(sum, some)| sum + some);

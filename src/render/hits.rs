@@ -11,34 +11,37 @@ use crate::scene::Object;
 pub struct Hit {
     /// The first object that the ray hits.
     pub object: Object,
-    /// The point in the camera's frame: z is the depth, and its length the distance from the pinhole.
+    /// The point in the camera's frame: z is the depth, and its length the distance from the
+    /// pinhole.
     pub place: DVec3,
     /// The unit normal, of a triangle on either side. None if the engine cannot give it.
     pub normal: Option<DVec3>,
 }
 
-/// An engine's hit at a pixel, in its own numbers.
+/// What a tracer reports of a pixel; [`Frame::hit`](super::Frame::hit) makes a [`Hit`] of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// The first object that the ray hits.
     pub object: Object,
-    /// The point t r_d.
+    /// Where it is on the ray.
     pub distance: Distance,
     /// The unit normal, of a triangle on either side. None if the engine cannot give it.
     pub normal: Option<DVec3>,
 }
 
-/// t, or what an engine has in its place.
+/// How far a hit is along its ray: the point is t r_d, where r_d is the ray's direction with the
+/// focal distance as its z, so that t is the depth in focal distances. Engines that work with
+/// planes over the picture have 1/t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distance {
-    /// t.
+    /// The distance t.
     T(f64),
-    /// 1/t.
+    /// Its inverse, 1/t.
     Inverse(f64),
 }
 
 impl Distance {
-    /// t.
+    /// The distance t, however it is held.
     pub fn t(self) -> f64 {
         match self {
             Distance::T(t) => t,
@@ -47,10 +50,10 @@ impl Distance {
     }
 }
 
-/// Rays, and how many of them hit something.
+/// The number of rays, and of those that hit something.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counted {
-    /// Rays whose light is in the picture.
+    /// Rays that contribute to the picture.
     pub rays: u64,
     /// Those that hit something.
     pub hits: u64,

@@ -2,15 +2,20 @@
 
 mod encode;
 mod exr;
+mod hdr;
 mod parts;
 mod pfm;
 mod png;
+mod pnm;
+mod qoi;
 mod read;
 mod threaded;
+mod tiff;
 
 use super::film::with_pixels;
 use super::output::{self, Destination, Existing, OutputError};
 use super::{Film, PixelFormat};
+use crate::kernels::StandardFloats;
 use crate::scene::shown;
 use parts::{Encode, Join};
 pub use read::{ImageFile, read};
@@ -22,13 +27,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
-/// The most bytes that one byte of deflate can stand for: two bits can repeat 258 bytes.
+/// The most bytes that one byte of deflate can stand for: two bits can stand for 258 bytes.
 const DEFLATE_EXPANSION: u64 = 1032;
 
 /// A format that images are written in.
-///
-/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and the writer that joins its parts in
-/// `encode.rs`, and its decoder in `read.rs`.
+// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and the writer that
+// joins its parts in `encode.rs`, and its decoder in `read.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// PNG: 8 bits per channel, compressed without loss.
@@ -41,9 +45,10 @@ pub enum Format {
     Pfm,
     /// OpenEXR: linear floats as they are, compressed without loss.
     Exr,
-    /// Radiance HDR: linear values from 0, in 8 bits each with a common exponent.
+    /// Radiance HDR: linear values from 0, in 8 bits each with a common exponent; held in memory
+    /// until it is complete.
     Hdr,
-    /// TIFF: 8 bits per channel, compressed without loss. BigTIFF where the image could need more than 4 GiB.
+    /// TIFF: 8 bits per channel, compressed without loss; held in memory until it is complete.
     Tiff,
     /// QOI: 8 bits per channel, compressed without loss; held in memory until it is complete.
     Qoi,
@@ -54,7 +59,8 @@ impl Format {
     pub const EXTENSIONS: &[(&str, Format)] = &[
         ("png", Format::Png),
         ("ppm", Format::Ppm),
-        // By its name a grey image; but scenes from the paper's time give their P3 colour images this name.
+        // The extension means a grey image, but scenes from the paper's time give it to P3 images
+        // in colour.
         ("pgm", Format::PpmText),
         ("pfm", Format::Pfm),
         ("exr", Format::Exr),
@@ -64,8 +70,8 @@ impl Format {
         ("qoi", Format::Qoi),
     ];
 
-    /// The format of a file name by its extension, in upper or lower case; PNG if it has none. Before `:-`, which is
-    /// standard output, the extension stands alone.
+    /// The format of a file name by its extension, in upper or lower case; PNG if it has none.
+    /// Before `:-`, which is standard output, the extension stands alone.
     ///
     /// # Errors
     /// If the extension is unknown; the message lists the known ones.
@@ -76,8 +82,9 @@ impl Format {
         known.map(|&(_, format)| format).ok_or_else(|| ImageError::UnknownFormat { path: path.into() })
     }
 
-    /// The pixels it is written from: three levels ([`ImageWriter::write_rgb8`]) or three floats
-    /// ([`ImageWriter::write_f32x3`]), since no format here has a fourth channel.
+    /// The format of the pixels that it is written from: three levels ([`ImageWriter::write_rgb8`])
+    /// or three floats ([`ImageWriter::write_f32x3`]); no file format here is written with a fourth
+    /// channel.
     pub fn pixels(self) -> PixelFormat {
         match self {
             Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => PixelFormat::Rgb8,
@@ -91,7 +98,8 @@ impl Format {
     }
 }
 
-/// Why an image file could not be written or read. Every message names the file (`path`) and says what to do.
+/// Why an image file could not be written or read. Every message names the file (`path`) and says
+/// what to do.
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "path, width and height are what they are called in every variant")]
 pub enum ImageError {
@@ -104,9 +112,15 @@ pub enum ImageError {
     NoPixels { path: PathBuf, width: u32, height: u32 },
     /// More pixels than are held in memory, in a format that cannot be written row by row.
     #[error("{path}: an image of {width}x{height} takes {need} MiB of memory in this format, which is written as a \
-        whole, and {limit} MiB are allowed: name it .png, .tiff, .ppm, .exr or .pfm, which are written row by row",
-        path = shown(path), need = encode::whole_bytes(*width, *height) >> 20, limit = encode::MAX_WHOLE >> 20)]
-    Whole { path: PathBuf, width: u32, height: u32 },
+        whole, and {limit} MiB are allowed: name it .png, .ppm, .exr or .pfm, which are written row by row",
+        path = shown(path), need = bytes >> 20, limit = encode::MAX_WHOLE >> 20)]
+    Whole {
+        path: PathBuf,
+        width: u32,
+        height: u32,
+        /// The memory that its pixels take.
+        bytes: u64,
+    },
     /// The file could not be created, written or named.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -127,10 +141,19 @@ pub enum ImageError {
         error: io::Error,
     },
     /// The content begins like no known format.
-    #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and QOI \
-        are", path = shown(path))]
+    #[error("{path} is of an unsupported format: rayo reads PNG, PNM (PBM, PGM, PPM and PAM), PFM, EXR, HDR, TIFF and \
+        QOI", path = shown(path))]
     NotAnImage { path: PathBuf },
-    /// It begins like an image, but is truncated, damaged or absurd.
+    /// The content is something else altogether, such as a web page.
+    #[error("{path}: {what}, and an image is expected: {help}", path = shown(path))]
+    Mistaken {
+        path: PathBuf,
+        /// What it is, in words.
+        what: &'static str,
+        /// What to do.
+        help: &'static str,
+    },
+    /// The file begins like an image, but is truncated, damaged or inconsistent.
     #[error("{path} is damaged or incomplete: {what}", path = shown(path))]
     Malformed {
         path: PathBuf,
@@ -197,7 +220,8 @@ impl Extent {
     }
 }
 
-/// Encodes parts of a picture, in any order and from any thread: [`ImageWriter::append`] joins them to a file.
+/// Encodes parts of a picture, in any order and from any thread: [`ImageWriter::append`] joins them
+/// to a file.
 pub(super) struct PartEncoder {
     format: Format,
     encode: Box<dyn Encode>,
@@ -209,7 +233,7 @@ impl PartEncoder {
         PartEncoder { format, encode: encode::encoder(format, extent) }
     }
 
-    /// The pixels that its parts are made of.
+    /// The format of the pixels from which parts are made.
     pub(super) fn pixels(&self) -> PixelFormat {
         self.format.pixels()
     }
@@ -224,14 +248,17 @@ impl PartEncoder {
         match film {
             Film::Rgb8(film) => self.encode.rgb8(&film[pixels]),
             Film::F32x3(film) => self.encode.f32x3(&film[pixels]),
-            Film::F32x4(_) | Film::Rgba8(_) => unreachable!("no file has them"),
+            Film::F32x4(_) | Film::Rgba8(_) | Film::Bgra8(_) => unreachable!("no file has them"),
         }
     }
 }
 
-/// An image file being written: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
+/// An image file being written: takes rows from the top, and appears under its name when
+/// [`finish`](Self::finish)ed.
 ///
-/// [`OutputFile`](super::OutputFile) says what that means for links, devices and pipes.
+/// Until then nothing is there, or what was there before; on Linux not even a hidden file. A
+/// symbolic link stays, and the file that it points to is replaced. A device or a pipe is written
+/// to directly, and so is standard output under the name `-`.
 pub struct ImageWriter {
     path: PathBuf,
     extent: Extent,
@@ -240,7 +267,8 @@ pub struct ImageWriter {
     encoder: Arc<PartEncoder>,
     /// Rows that do not fill a part yet.
     pending: Film,
-    /// Declared before `destination`, so that its last writes still find the file open.
+    /// Declared before `destination`, and so dropped before it, so that its last writes still find
+    /// the file open.
     joiner: Box<dyn Join>,
     destination: Destination,
 }
@@ -249,28 +277,29 @@ impl ImageWriter {
     /// Begins an image of `width` x `height` pixels that will replace what is at `path`.
     ///
     /// # Errors
-    /// If a side is zero, if nothing can be written there, or if the format is held in memory and the image is too
-    /// large ([`ImageError::Whole`]).
+    /// If a side is zero, if nothing can be written there, or if the format is held in memory and
+    /// the image is too large ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
-        Self::of_rows(path, format, (width, height), 0..height, Existing::Replace, &mut |_| ())
+        Self::of_rows(path, format, (width, height), 0..height, Existing::Replace)
     }
 
     /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
     ///
-    /// What appears there while the image is rendered is not replaced either: [`finish`](Self::finish) then fails.
+    /// What appears there while the image is rendered is not replaced either:
+    /// [`finish`](Self::finish) then fails.
     ///
     /// # Errors
     /// As [`create`](Self::create), and [`OutputError::Exists`].
     pub fn create_new(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
-        Self::of_rows(path, format, (width, height), 0..height, Existing::Keep, &mut |_| ())
+        Self::of_rows(path, format, (width, height), 0..height, Existing::Keep)
     }
 
-    /// Begins an image of some of the rows of a picture: in [`Format::Exr`] at their place in the whole picture, in the
-    /// other formats a picture of these rows. `announce` gets the absolute path of the hidden file before it is
-    /// created, and another path if that name is taken.
+    /// Begins an image of some of the rows of a picture: in [`Format::Exr`] at their place in the
+    /// whole picture, in the other formats a picture of these rows.
     ///
     /// # Errors
-    /// As [`create`](Self::create), and as [`create_new`](Self::create_new) if an existing file must stay.
+    /// As [`create`](Self::create), and as [`create_new`](Self::create_new) if an existing file
+    /// must stay.
     ///
     /// # Panics
     /// If the picture does not have these rows.
@@ -280,17 +309,17 @@ impl ImageWriter {
         size: (u32, u32),
         rows: Range<u32>,
         existing: Existing,
-        announce: &mut dyn FnMut(&Path),
     ) -> Result<Self, ImageError> {
         let extent = Extent::new(size, rows);
         let (width, height) = (extent.width, extent.height());
         if width == 0 || height == 0 {
             return Err(ImageError::NoPixels { path: path.into(), width, height });
         }
-        if encode::is_whole(format) && encode::whole_bytes(width, height) > encode::MAX_WHOLE {
-            return Err(ImageError::Whole { path: path.into(), width, height });
+        let bytes = encode::whole_bytes(format, (width, height));
+        if encode::is_whole(format) && bytes > encode::MAX_WHOLE {
+            return Err(ImageError::Whole { path: path.into(), width, height, bytes });
         }
-        let (destination, sink) = output::open(path, existing, encode::needs_seeking(format), announce)?;
+        let (destination, sink) = output::open(path, existing, encode::needs_seeking(format))?;
         let joiner = encode::joiner(format, sink, &extent).map_err(|error| destination.explain(path, error))?;
         let encoder = Arc::new(PartEncoder::new(format, &extent));
         let pending = if format.is_8bit() { Film::Rgb8(Vec::new()) } else { Film::F32x3(Vec::new()) };
@@ -331,8 +360,8 @@ impl ImageWriter {
     /// If writing fails.
     ///
     /// # Panics
-    /// If the format is not an 8-bit one, if a row is incomplete, or if there are more rows than the image has:
-    /// bugs of the caller.
+    /// If the format is not an 8-bit one, if a row is incomplete, or if there are more rows than
+    /// the image has: bugs of the caller.
     pub fn write_rgb8(&mut self, rows: &[[u8; 3]]) -> Result<(), ImageError> {
         let format = self.format();
         assert!(format.is_8bit(), "{format:?} takes floats: quantising is not done here, nor undone");
@@ -343,7 +372,8 @@ impl ImageWriter {
         self.append_pending()
     }
 
-    /// Appends whole rows of linear R, G, B, unclamped. Any number of rows per call, in order from the top.
+    /// Appends whole rows of linear R, G, B, unclamped. Any number of rows per call, in order from
+    /// the top.
     ///
     /// After an error the image cannot be completed.
     ///
@@ -351,8 +381,8 @@ impl ImageWriter {
     /// If writing fails.
     ///
     /// # Panics
-    /// If the format is an 8-bit one, if a row is incomplete, or if there are more rows than the image has: bugs of
-    /// the caller.
+    /// If the format is an 8-bit one, if a row is incomplete, or if there are more rows than the
+    /// image has: bugs of the caller.
     pub fn write_f32x3(&mut self, rows: &[[f32; 3]]) -> Result<(), ImageError> {
         let format = self.format();
         assert!(!format.is_8bit(), "{format:?} takes 8 bits: quantising is not done here");
@@ -373,6 +403,7 @@ impl ImageWriter {
 
     /// Writes the pending rows that fill a part.
     fn append_pending(&mut self) -> Result<(), ImageError> {
+        let _floats = StandardFloats::set();
         let width = self.extent.width as usize;
         let pending = (self.pending.len() / width) as u32;
         let part = self.encoder.part_rows().unwrap_or(pending);
@@ -401,9 +432,10 @@ impl ImageWriter {
     /// Completes the image and gives it its name.
     ///
     /// # Errors
-    /// If rows are missing, or if writing or renaming fails; then the target is as it was before (except that a target
-    /// that is written to directly has received what was written).
+    /// If rows are missing, or if writing or renaming fails; then the target is as it was before
+    /// (except that a target that is written to directly has received what was written).
     pub fn finish(self) -> Result<(), ImageError> {
+        let _floats = StandardFloats::set();
         let ImageWriter { path, extent, rows, pending, joiner, destination, .. } = self;
         let (height, rows) = (extent.height(), rows + (pending.len() / extent.width as usize) as u32);
         if rows < height {

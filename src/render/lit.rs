@@ -3,21 +3,22 @@
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use super::tiles::{Interleaved, TileTracer};
+use super::film::{narrow, rgba_to_bgra};
+use super::plan::PacketKernelSet;
+use super::tiles::TileTracer;
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted, assert_rows, existing};
-use crate::kernels::{
-    Element, ElementKernels, LIT_ROWS, LitBodies, LitRow, LitRows, LitSphere, Narrow, PacketKernels, Plain, Rgba8,
-    ShadeRows, Vec4, sys,
-};
-use crate::measure::caches;
-use crate::plan::{Keep, LitForm, Raster, Report, Scale};
+use crate::kernels::caches;
+use crate::kernels::{Element, LIT_ROWS, LitBodies, LitRow, LitRows, LitSphere, Plain, Rgba8, ShadeRows, Vec4, sys};
+use crate::plan::{LitForm, PlanOptions, Report, Scale};
 use crate::scene::Scene;
 
-/// Whether a picture of this many pixels is stored past the caches, because it does not fit into its share of them.
+/// Whether a picture of this many pixels is stored past the caches, because it does not fit into
+/// its share of them.
 ///
-/// The share of floats is an eighth of the third level, since other cores have theirs, and so do other machines on the
-/// same chip; and at most 16 MiB, which is also the limit if the level does not exist or is unknown. Bytes are stored
-/// as fast as they are made until the level is full, or 32 MiB of a larger, shared one: docs/performance.md.
+/// For floats that share is an eighth of the third-level cache, which other cores, and other
+/// virtual machines on the chip, use too; it is at most 16 MiB, which is also the limit if the
+/// cache does not exist or is unknown. For bytes it is the whole cache, or 32 MiB of a larger one:
+/// until then they are stored as fast as they are made (docs/performance.md).
 fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     const MOST: u64 = 16 << 20;
     const MOST_OF_BYTES: u64 = 2 * MOST;
@@ -30,33 +31,26 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     matches!(format, PixelFormat::F32x4 | PixelFormat::Rgba8) && pixels * format.bytes() as u64 > most
 }
 
-/// The pixels of a sphere that one thread has made before another one has the memory for its own.
+/// A picture of up to this many pixels of a sphere is finished by one thread before the memory of
+/// another thread's part would be ready.
 const QUICK: u64 = 1 << 22;
 
 /// A scene of one sphere under one light, and the kernels that make its rows.
 pub struct LitTracer<'a, E: Element> {
-    packets: &'static PacketKernels,
-    kernels: &'static ElementKernels<E>,
-    /// Whether shades may come from estimates in floats too.
-    fast: bool,
+    kernels: PacketKernelSet<E>,
     scene: &'a Scene,
     form: LitForm,
-    /// The number of pixels of the film.
+    /// The number of pixels of the film, which decides whether it is stored past the caches.
     pixels: u64,
 }
 
 impl<'a, E: Element> LitTracer<'a, E> {
-    /// Plans `scene`, whose numbers are valid, for `kernels` of one element type, with estimates if `fast`. None if it
-    /// is for tiles.
-    pub fn new(
-        packets: &'static PacketKernels,
-        (kernels, fast): (&'static ElementKernels<E>, bool),
-        scene: &'a Scene,
-        purpose: Purpose,
-    ) -> Option<Self> {
+    /// Plans `scene`, whose numbers must be valid, for these kernels. None if the scene
+    /// has no closed form and has to be traced in tiles.
+    pub fn new(kernels: PacketKernelSet<E>, scene: &'a Scene, purpose: Purpose<'_>) -> Option<Self> {
         let form = LitForm::of::<E>(scene, purpose.keep)?;
         let pixels = if purpose.in_bands { 0 } else { scene.camera.pixels() };
-        Some(LitTracer { packets, kernels, fast, scene, form, pixels })
+        Some(LitTracer { kernels, scene, form, pixels })
     }
 
     /// Pixels in a row.
@@ -64,64 +58,81 @@ impl<'a, E: Element> LitTracer<'a, E> {
         self.scene.camera.width() as usize
     }
 
-    /// Calls `say` for some of `rows` at a time: with the first of them, their number, and their spans of the sphere.
-    fn each_rows(&self, rows: Range<u32>, scale: Scale, mut say: impl FnMut(u32, usize, &LitRows<E>)) {
+    /// Calls `report` for a few of `rows` at a time, with the first one, their number, and the
+    /// sphere's spans in them.
+    fn each_rows(&self, rows: Range<u32>, scale: Scale, mut report: impl FnMut(u32, usize, &LitRows<E>)) {
         let mut lit_rows: LitRows<E> = Plain::ZERO;
         for first in rows.clone().step_by(LIT_ROWS) {
             let count = ((rows.end - first) as usize).min(LIT_ROWS);
-            self.kernels.lit_rows.call(self.form.setup(scale), first, count, &mut lit_rows);
-            say(first, count, &lit_rows);
+            self.kernels.element.lit_rows.call(self.form.setup(scale), first, count, &mut lit_rows);
+            report(first, count, &lit_rows);
         }
     }
 
-    /// Calls `say` for each of `rows` with the columns that see the sphere.
-    fn each_span(&self, rows: Range<u32>, mut say: impl FnMut(u32, Range<usize>)) {
+    /// Calls `report` for each of `rows` with the columns whose rays hit the sphere.
+    fn each_span(&self, rows: Range<u32>, mut report: impl FnMut(u32, Range<usize>)) {
         self.each_rows(rows, Scale::Linear, |first, count, lit_rows| {
-            (0..count).for_each(|row| say(first + row as u32, span_of(lit_rows, row)));
+            (0..count).for_each(|row| report(first + row as u32, span_of(lit_rows, row)));
         });
     }
 
-    /// The kernel of an output, and the sphere that it renders.
-    fn kernel<P: Output<E>>(&self) -> (&'static ShadeRows<E, P>, LitSphere<E>) {
-        let bodies = if self.form.makes_grey() { &self.kernels.grey } else { &self.kernels.lit };
-        (P::kernel(bodies, self.fast), self.form.sphere(P::SCALE).round())
+    /// The kernel of an output.
+    fn kernel<P: Output<E>>(&self) -> &'static ShadeRows<E, P> {
+        let bodies = if self.form.makes_grey() { &self.kernels.element.grey } else { &self.kernels.element.lit };
+        P::kernel(bodies, self.kernels.estimates)
+    }
+
+    /// The sphere that the kernel of an output renders.
+    fn sphere<P: Output<E>>(&self) -> LitSphere<E> {
+        self.form.sphere(P::SCALE).round()
     }
 
     fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P], streaming: bool) {
-        let ((kernel, sphere), width, start) = (self.kernel::<P>(), self.width(), rows.start);
+        let kernel = self.kernel::<P>();
+        let sphere = self.sphere::<P>();
+        let width = self.width();
+        let start = rows.start;
         self.each_rows(rows, P::SCALE, |first, count, lit_rows| {
             let out = &mut out[(first - start) as usize * width..][..count * width];
             kernel.call(&sphere, lit_rows, out, width, streaming);
         });
     }
 
-    /// Traces the span of each row in four channels, and narrows it to three.
-    fn trace_three<T: Plain, P: Output<E>>(&self, rows: Range<u32>, out: &mut [[T; 3]], narrow: &Narrow<P, [T; 3]>) {
-        let ((kernel, sphere), width) = (self.kernel::<P>(), self.width());
-        let (mut four, mut one, mut out) = (vec![P::ZERO; width], LitRows::ZERO, out.chunks_mut(width));
-        self.each_rows(rows, P::SCALE, |_, count, lit_rows| {
+    /// Traces the span of each row in four channels, and converts its pixels by `convert`.
+    fn trace_others<Four: Output<E>, P: Pixel>(
+        &self,
+        rows: Range<u32>,
+        out: &mut [P],
+        convert: impl Fn(&[Four], &mut [P]),
+    ) {
+        let kernel = self.kernel::<Four>();
+        let sphere = self.sphere::<Four>();
+        let width = self.width();
+        let black = P::of_linear(&Vec4::ZERO);
+        let (mut four, mut one, mut out) = (vec![Four::ZERO; width], LitRows::ZERO, out.chunks_mut(width));
+        self.each_rows(rows, Four::SCALE, |_, count, lit_rows| {
             for (row, out) in (0..count).zip(&mut out) {
                 let span = span_of(lit_rows, row);
                 let end = E::from_f64(span.len() as f64);
                 one.set_row(0, &LitRow { start: E::default(), end, ..lit_rows.row(row) });
                 kernel.call(&sphere, &one, &mut four[..span.len()], span.len(), false);
-                out[..span.start].as_flattened_mut().fill(T::ZERO);
-                out[span.end..].as_flattened_mut().fill(T::ZERO);
-                narrow.call(&four[..span.len()], &mut out[span]);
+                out[..span.start].fill(black);
+                out[span.end..].fill(black);
+                convert(&four[..span.len()], &mut out[span]);
             }
         });
     }
 }
 
-/// The columns of a row that see the sphere.
+/// The columns of a row whose rays hit the sphere.
 fn span_of<E: Element>(lit_rows: &LitRows<E>, row: usize) -> Range<usize> {
     let [start, end] = [lit_rows.start[row], lit_rows.end[row]].map(|column| column.to_f64() as usize);
     start..end.max(start)
 }
 
-/// The differences between the outputs of four channels, from which those of three are made.
+/// An output of four channels, in floats or in bytes; those of other formats are converted from it.
 trait Output<E: Element>: Pixel + Plain {
-    /// The value of full light.
+    /// The value of a channel at full light.
     const SCALE: Scale;
     /// The kernel that makes rows, with estimates if `fast`.
     fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self>;
@@ -136,7 +147,7 @@ impl<E: Element> Output<E> for Vec4 {
 
 impl<E: Element> Output<E> for Rgba8 {
     const SCALE: Scale = Scale::Levels;
-    /// With estimates wherever these are accurate enough.
+    /// For bytes, estimates are accurate enough in any case.
     fn kernel(bodies: &LitBodies<E>, _: bool) -> &ShadeRows<E, Self> {
         &bodies.rgba8
     }
@@ -161,9 +172,10 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
         assert_rows(&rows, [self.scene.camera.width(), self.scene.camera.height()], out.len());
         match out {
             FilmMut::F32x4(out) => self.trace(rows, out, streaming),
-            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3),
+            FilmMut::F32x3(out) => self.trace_others(rows, out, narrow(&self.kernels.packets.narrow_f32x3)),
             FilmMut::Rgba8(out) => self.trace(rows, out, streaming),
-            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8),
+            FilmMut::Rgb8(out) => self.trace_others(rows, out, narrow(&self.kernels.packets.narrow_rgb8)),
+            FilmMut::Bgra8(out) => self.trace_others(rows, out, rgba_to_bgra),
         }
         if streaming {
             sys::store_fence();
@@ -183,12 +195,10 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
         None
     }
 
-    /// The form has neither t nor a normal: tiles provide them.
+    /// The closed form computes neither t nor normals, so that tiles provide the hits.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        let planning = (Keep::NOTHING, 1);
-        let by_tiles = |raster| TileTracer::new(self.packets, (self.kernels, false), (self.scene, raster), planning);
-        let parts = Raster::of(&self.scene.camera).into_iter().map(by_tiles).collect();
-        Interleaved::new(&self.scene.camera, parts).hits(rows)
+        let kernels = PacketKernelSet { estimates: false, ..self.kernels };
+        TileTracer::new(kernels, self.scene, PlanOptions::default()).hits(rows)
     }
 
     fn count(&self, rows: Range<u32>) -> Counted {

@@ -1,7 +1,11 @@
-//! A file that appears whole or not at all: hidden beside the target, or that itself if nothing can be renamed over it.
+//! A file that appears whole or not at all.
+//!
+//! The file is written beside the target, without a name or hidden, and then takes the target's
+//! name. Targets that cannot be replaced, such as devices, are written to directly.
 
-use std::cell::Cell;
-use std::collections::LinkedList;
+#[cfg(not(target_os = "linux"))]
+mod unfinished;
+
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -12,6 +16,8 @@ use tempfile::{NamedTempFile, TempPath};
 use thiserror::Error;
 
 use crate::scene::shown;
+#[cfg(not(target_os = "linux"))]
+pub use unfinished::remove_unfinished;
 
 /// What happens to an existing file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +46,9 @@ pub enum OutputError {
         /// The missing directory.
         directory: PathBuf,
     },
+    /// The name ends as that of a directory does.
+    #[error("{path} names a directory: name a file in it", path = shown(path))]
+    NamesDirectory { path: PathBuf },
     /// No files can be created in the directory of the file.
     #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
         name one that you may write to", path = shown(path), directory = shown(directory))]
@@ -71,14 +80,15 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// A file being written, in order: it appears under its name when [`finish`](Self::finish)ed. Until then it has no name
-/// at all, so that nothing is left of it however the process ends; on systems without such files, it is a hidden file
-/// beside the target, which dropping removes. It has the mode and, if permitted, the owner of the file that it
-/// replaces; other hard links to that file keep the old content.
+/// A file being written, in order: it appears under its name when [`finish`](Self::finish)ed. Until
+/// then it has no name at all, so that nothing is left of it however the process ends; on systems
+/// without such files, it is a hidden file beside the target, which dropping removes. It has the
+/// mode and, if permitted, the owner of the file that it replaces; other hard links to that file
+/// keep the old content.
 ///
-/// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced; a target that is not
-/// a regular file (`/dev/null`, a FIFO) is written to directly; and so is the program's own standard output under the
-/// name `-` or `/dev/stdout`.
+/// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced;
+/// a target that is not a regular file (`/dev/null`, a FIFO) is written to directly; and so is the
+/// program's own standard output under the name `-` or `/dev/stdout`.
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
@@ -91,7 +101,7 @@ impl OutputFile {
     /// # Errors
     /// If nothing can be written there.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
-        let (destination, sink) = open(path, existing, false, &mut |_| ())?;
+        let (destination, sink) = open(path, existing, false)?;
         Ok(OutputFile { path: path.into(), sink, destination })
     }
 
@@ -115,70 +125,6 @@ impl Write for OutputFile {
     }
 }
 
-/// The hidden files that exist now or are about to. Who has the lock asks for no memory, since its lack, too, ends in
-/// [`remove_unfinished`]: lists are joined and split without any.
-static UNFINISHED: Mutex<LinkedList<PathBuf>> = Mutex::new(LinkedList::new());
-/// Held while a hidden file or its entry comes or goes, and for ever from [`remove_unfinished`] on.
-static CHANGING: Mutex<()> = Mutex::new(());
-
-thread_local! {
-    /// Whether this thread holds `CHANGING`, and may ask for memory meanwhile.
-    static HOLDS: Cell<bool> = const { Cell::new(false) };
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Removes the hidden files of everything that is being written. For a process that is about to end: threads that
-/// create or finish files after this block until that end.
-pub fn remove_unfinished() {
-    // Set again for the files' removal, which may lack memory, too.
-    if !HOLDS.replace(true) {
-        std::mem::forget(locked(&CHANGING));
-    }
-    while let Some(path) = { locked(&UNFINISHED).pop_front() } {
-        // If it is already gone, all the better.
-        let _ = fs::remove_file(path);
-    }
-}
-
-/// Keeps a hidden file known to [`remove_unfinished`].
-pub struct Unfinished(PathBuf);
-
-impl Unfinished {
-    /// The file that `make` creates.
-    fn create<T>(path: &Path, make: impl FnOnce(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
-        let unfinished = Unfinished::at(path.into());
-        let changing = locked(&CHANGING);
-        HOLDS.set(true);
-        let made = make(path);
-        HOLDS.set(false);
-        drop(changing);
-        Ok((made?, unfinished))
-    }
-
-    /// A file that this process or another is about to create.
-    pub fn at(path: PathBuf) -> Self {
-        let mut one = LinkedList::from([path.clone()]);
-        let _changing = locked(&CHANGING);
-        locked(&UNFINISHED).append(&mut one);
-        Unfinished(path)
-    }
-}
-
-impl Drop for Unfinished {
-    fn drop(&mut self) {
-        let _changing = locked(&CHANGING);
-        let mut paths = locked(&UNFINISHED);
-        if let Some(at) = paths.iter().position(|path| *path == self.0) {
-            let mut rest = paths.split_off(at);
-            rest.pop_front();
-            paths.append(&mut rest);
-        }
-    }
-}
-
 /// The file that is being written, and how it becomes the target in the end.
 pub(super) struct Destination {
     sink: Sink,
@@ -186,7 +132,8 @@ pub(super) struct Destination {
 }
 
 enum End {
-    /// A file in the target's directory, hidden or still without a name, which will get the target's name.
+    /// A file in the target's directory, hidden or still without a name, which will get the
+    /// target's name.
     Rename { hidden: Option<Hidden>, target: PathBuf, existing: Existing },
     /// The target itself, which cannot be renamed over.
     Nothing,
@@ -197,19 +144,28 @@ enum End {
 /// A hidden file, which dropping removes.
 struct Hidden {
     temporary: TempPath,
-    _unfinished: Unfinished,
+    #[cfg(not(target_os = "linux"))]
+    _unfinished: Option<unfinished::Unfinished>,
 }
 
 impl Hidden {
     /// The file that `make` creates under a new name in the directory.
     fn make<T>(directory: &Path, mut make: impl FnMut(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
+        #[cfg(not(target_os = "linux"))]
+        let mut unfinished = None;
         // tempfile's own files are for secrets, which no other user may read.
-        let made = tempfile::Builder::new()
-            .prefix(".rayo-")
-            .suffix(".part")
-            .make_in(directory, |path| Unfinished::create(path, &mut make))?;
-        let ((made, _unfinished), temporary) = NamedTempFile::into_parts(made);
-        Ok((made, Hidden { temporary, _unfinished }))
+        let made = tempfile::Builder::new().prefix(".rayo-").suffix(".part").make_in(directory, |path| {
+            #[cfg(not(target_os = "linux"))]
+            unfinished.replace(unfinished::Unfinished::new(path));
+            make(path)
+        })?;
+        let (made, temporary) = NamedTempFile::into_parts(made);
+        let hidden = Hidden {
+            temporary,
+            #[cfg(not(target_os = "linux"))]
+            _unfinished: unfinished,
+        };
+        Ok((made, hidden))
     }
 }
 
@@ -218,8 +174,9 @@ impl Hidden {
 fn nameless(directory: &Path) -> io::Result<File> {
     use std::os::unix::fs::OpenOptionsExt;
     let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
-    let file = OpenOptions::new().write(true).custom_flags(flags).open(directory)?;
-    // This path can give it a name in the end.
+    // Readable, because it may have to be copied in the end.
+    let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(directory)?;
+    // Checks that the path exists by which the file can get a name in the end.
     fs::symlink_metadata(by_descriptor(&file)).map(|_| file)
 }
 
@@ -229,7 +186,7 @@ fn by_descriptor(file: &File) -> String {
     format!("/proc/self/fd/{}", file.as_raw_fd())
 }
 
-/// Gives such a file a free name.
+/// Gives a file without a name one that is free.
 #[cfg(target_os = "linux")]
 fn give_name(file: &File, path: &Path) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
@@ -246,8 +203,37 @@ fn give_name(_: &File, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// Gives a file the mode of the one that it will replace, and its owner and group as far as this process may. Failures
-/// are ignored, since some file systems have neither.
+/// The hidden file that a file without a name becomes by `link`, or a copy of it where the system
+/// refuses that, as sandboxes do.
+fn hidden(
+    file: &mut File,
+    directory: &Path,
+    mut link: impl FnMut(&File, &Path) -> io::Result<()>,
+) -> io::Result<Hidden> {
+    if let Ok(((), hidden)) = Hidden::make(directory, |path| link(file, path)) {
+        return Ok(hidden);
+    }
+    let (mut copy, hidden) = Hidden::make(directory, |path| File::create_new(path))?;
+    take_after(&copy, &file.metadata()?);
+    file.rewind()?;
+    io::copy(file, &mut copy)?;
+    sync(&copy)?;
+    Ok(hidden)
+}
+
+/// Waits until the content is on the disk: a name must not be there before it, or a power cut could
+/// leave an empty file in the place of an old one. This is also when some network file systems
+/// report that there was no room.
+fn sync(file: &File) -> io::Result<()> {
+    match file.sync_data() {
+        // Some file systems do not support this, because they have nothing to do.
+        Err(error) if matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::InvalidInput) => Ok(()),
+        result => result,
+    }
+}
+
+/// Gives a file the mode of the one that it will replace, and its owner and group as far as this
+/// process may. Failures are ignored, since some file systems have neither.
 #[cfg(unix)]
 fn take_after(file: &File, old: &fs::Metadata) {
     use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
@@ -261,17 +247,14 @@ fn take_after(file: &File, old: &fs::Metadata) {
 #[cfg(not(unix))]
 fn take_after(_: &File, _: &fs::Metadata) {}
 
-/// Opens the output for an image at `path`. `seeking`: whether it will be written out of order. `announce` gets the
-/// absolute path of a hidden file before that is created.
-pub(super) fn open(
-    path: &Path,
-    existing: Existing,
-    seeking: bool,
-    announce: &mut dyn FnMut(&Path),
-) -> Result<(Destination, Sink), OutputError> {
+/// Opens the output for an image at `path`. `seeking`: whether it will be written out of order.
+pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(Destination, Sink), OutputError> {
     let failed = |error| OutputError::Write { path: path.into(), error };
     if existing == Existing::Keep && fs::symlink_metadata(path).is_ok() {
         return Err(OutputError::Exists { path: path.into() });
+    }
+    if path.as_os_str().as_encoded_bytes().ends_with(b"/") {
+        return Err(OutputError::NamesDirectory { path: path.into() });
     }
     let mut is_temporary = false;
     let (file, end) = match direct(path).map_err(failed)? {
@@ -281,13 +264,14 @@ pub(super) fn open(
             (file, End::CopyTo(target))
         }
         Some(target) => (target, End::Nothing),
-        None => beside(path, existing, announce)?,
+        None => beside(path, existing)?,
     };
     let sink = Sink::new(file, is_temporary);
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
-/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or a system path.
+/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or a
+/// system path.
 pub fn is_standard_output(path: &Path) -> bool {
     let names = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
     cfg!(unix) && (names.iter().any(|name| path == Path::new(name)) || format_of_standard_output(path).is_some())
@@ -303,11 +287,13 @@ pub(super) fn format_of_standard_output(path: &Path) -> Option<&OsStr> {
     path.to_str()?.strip_suffix(":-").filter(|format| !format.contains('/')).map(OsStr::new)
 }
 
-/// The open target, if it is to be written to directly: not a regular file, or one reached through a descriptor.
+/// The open target, if it is to be written to directly: not a regular file, or one reached through
+/// a descriptor.
 fn direct(path: &Path) -> io::Result<Option<File>> {
     #[cfg(unix)]
     if is_standard_output(path) {
-        // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a socket.
+        // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a
+        // socket.
         use std::os::fd::AsFd;
         if !crate::kernels::sys::is_open(1) {
             return Err(io::Error::other("standard output is closed"));
@@ -334,20 +320,16 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
 }
 
 /// A new file in the target's directory.
-fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> Result<(File, End), OutputError> {
+fn beside(path: &Path, existing: Existing) -> Result<(File, End), OutputError> {
     let target = behind_links(path).map_err(|error| OutputError::Write { path: path.into(), error })?;
     let old = fs::metadata(&target).ok();
     // A rename would not check whether the old file may be written to.
     if old.as_ref().is_some_and(|metadata| metadata.permissions().readonly()) {
         return Err(OutputError::ReadOnly { path: path.into() });
     }
-    let named = |path: &Path| {
-        announce(path);
-        File::create_new(path)
-    };
     let directory = directory(&target);
     let made = nameless(directory).map(|file| (file, None)).or_else(|_| {
-        let (file, hidden) = Hidden::make(directory, named)?;
+        let (file, hidden) = Hidden::make(directory, |path| File::create_new(path))?;
         Ok((file, Some(hidden)))
     });
     let (file, hidden) = made.map_err(|error| unmade(path, directory, error))?;
@@ -389,7 +371,8 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
 }
 
 impl Destination {
-    /// The error of a write to `path`: the first failure, since an encoder's own error may have lost its kind.
+    /// The error of a write to `path`: the first failure, since an encoder's own error may have
+    /// lost its kind.
     pub(super) fn explain(&self, path: &Path, error: io::Error) -> OutputError {
         OutputError::Write { path: path.into(), error: self.sink.attempt(|_| Ok(())).err().unwrap_or(error) }
     }
@@ -399,7 +382,8 @@ impl Destination {
         self.sink.lock().out.get_ref().writing
     }
 
-    /// Hands everything to the system and makes it the target; `path` is for messages.
+    /// Writes everything to the system and gives the file the target's name; `path` is for
+    /// messages.
     pub(super) fn finish(self, path: PathBuf) -> Result<(), OutputError> {
         self.complete().map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => OutputError::Exists { path },
@@ -416,9 +400,13 @@ impl Destination {
                 out.rewind()?;
                 io::copy(&mut out.get_mut().file, &mut target).map(drop)
             }),
-            End::Rename { hidden, target, existing } => {
-                let name = |path: &Path| give_name(&sink.lock().out.get_ref().file, path);
-                let hidden = hidden.map_or_else(|| Hidden::make(directory(&target), name).map(|made| made.1), Ok)?;
+            End::Rename { hidden: named, target, existing } => {
+                let named = sink.attempt(|out| {
+                    let file = &mut out.get_mut().file;
+                    sync(file)?;
+                    named.map_or_else(|| hidden(file, directory(&target), give_name), Ok)
+                });
+                let hidden = named?;
                 match existing {
                     Existing::Replace => hidden.temporary.persist(&target),
                     Existing::Keep => hidden.temporary.persist_noclobber(&target),
@@ -429,9 +417,11 @@ impl Destination {
     }
 }
 
-/// A buffered file that remembers its first failure, shared between an encoder and the [`Destination`].
+/// A buffered file that remembers its first failure, shared between an encoder and the
+/// [`Destination`].
 ///
-/// The PNG encoder writes its last bytes from destructors, which cannot report an error: it must be queried here.
+/// The PNG encoder writes its last bytes from destructors, which cannot report an error: it must be
+/// queried here.
 #[derive(Clone)]
 pub(super) struct Sink(Arc<Mutex<Inner>>);
 
@@ -526,26 +516,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_end_while_a_hidden_file_is_made_removes_that_too() {
+    fn a_file_that_may_not_be_linked_is_copied() {
         let directory = tempfile::tempdir().unwrap();
-        let [mut one, mut other] = [None, None];
-        // As if memory ended after the file was there.
-        let make = |path: &Path| {
-            one = Some(path.to_path_buf());
-            File::create_new(path)?;
-            remove_unfinished();
-            Ok(())
-        };
-        let made = Hidden::make(directory.path(), make);
-        assert!(made.is_ok() && !one.unwrap().exists());
-        drop(made);
-        let create = |path: &Path| {
-            other = Some(path.to_path_buf());
-            File::create_new(path)
-        };
-        let made = Hidden::make(directory.path(), create).unwrap();
-        assert!(locked(&UNFINISHED).contains(other.as_ref().unwrap()));
-        drop(made);
-        assert!(!locked(&UNFINISHED).contains(other.as_ref().unwrap()) && !other.unwrap().exists());
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(b"content").unwrap();
+        let refuse = |_: &File, _: &Path| Err(io::ErrorKind::PermissionDenied.into());
+        let hidden = hidden(&mut file, directory.path(), refuse).unwrap();
+        assert_eq!(fs::read(&hidden.temporary).unwrap(), b"content");
+        assert_eq!(fs::metadata(&hidden.temporary).unwrap().permissions(), file.metadata().unwrap().permissions());
+        drop(hidden);
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
     }
 }

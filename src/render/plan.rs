@@ -1,20 +1,22 @@
-//! The plan: what traces a scene and which work it omits, decided once for tracing and for reports.
+//! The plan of a scene: which tracer traces it, and which work that omits.
+
+use std::ops::Range;
 
 use super::aos::AosTracer;
 use super::lit::LitTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
-use super::tiles::{Interleaved, MOST_LIGHTS, TileTracer};
-use super::{Engine, EngineError, PixelFormat, Precision, Purpose, Tracer};
-use crate::kernels::{self, Element, ElementKernels, PacketKernels};
-use crate::plan::{Raster, Report, lights};
+use super::tiles::TileTracer;
+use super::{Counted, Engine, EngineError, FilmMut, Found, PixelFormat, Precision, Purpose, Tracer, Wanted};
+use crate::kernels::{self, Element, ElementKernels, PacketKernels, StandardFloats, Vec4};
+use crate::plan::{Cancel, PlanOptions, Report};
 use crate::scene::Scene;
 
 /// A scene planned for an engine.
 pub struct Plan<'a> {
     engine: Engine,
     scene: &'a Scene,
-    /// Whether it is for 8 bits.
+    /// Whether it is for pixels of 8 bits.
     bytes: bool,
     tracer: Box<dyn Tracer + 'a>,
 }
@@ -23,21 +25,25 @@ impl<'a> Plan<'a> {
     /// Plans `scene` for `engine` and `purpose`.
     ///
     /// # Errors
-    /// [`EngineError::NoPrecision`], [`EngineError::NoShadows`], [`EngineError::Unusable`],
-    /// [`EngineError::Lights`] and [`EngineError::Scene`].
-    pub fn new(engine: Engine, scene: &'a Scene, purpose: Purpose) -> Result<Self, EngineError> {
-        // An unsupported precision is an error for every engine.
-        let precision = engine.precision_for(purpose)?;
-        if scene.shadows && !engine.has_shadows() {
-            return Err(EngineError::NoShadows(engine));
-        }
+    /// Those of [`Engine::takes`], [`EngineError::Scene`], and [`EngineError::Cancelled`].
+    pub fn new(engine: Engine, scene: &'a Scene, purpose: Purpose<'_>) -> Result<Self, EngineError> {
+        let _floats = StandardFloats::set();
+        engine.takes(scene, purpose.precision)?;
+        let precision = engine.precision_for(purpose.precision)?;
         let tracer = match engine {
             _ if engine.is_packet() => {
                 let kernels = engine.packets().ok_or(EngineError::Unusable(engine))?;
                 scene.check_lights()?;
+                let estimates = precision == Precision::Fast;
                 match precision {
-                    Precision::Double => packets(engine, kernels, (&kernels.double, false), scene, purpose),
-                    _ => packets(engine, kernels, (&kernels.single, precision == Precision::Fast), scene, purpose),
+                    Precision::Double => {
+                        let element = &kernels.double;
+                        packets(PacketKernelSet { packets: kernels, element, estimates }, scene, purpose)
+                    }
+                    _ => {
+                        let element = &kernels.single;
+                        packets(PacketKernelSet { packets: kernels, element, estimates }, scene, purpose)
+                    }
                 }?
             }
             _ => {
@@ -45,11 +51,15 @@ impl<'a> Plan<'a> {
                 ray_tracer(engine, scene)?
             }
         };
+        if purpose.cancel.is_some_and(Cancel::is_cancelled) {
+            return Err(EngineError::Cancelled);
+        }
+        let tracer = Box::new(Guarded { tracer });
         let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
         Ok(Plan { engine, scene, bytes, tracer })
     }
 
-    /// The kept and the omitted work. If the purpose has no format, for bytes.
+    /// The kept and the omitted work; for bytes, if the purpose names no format.
     pub fn report(&self) -> Report {
         self.tracer.report(self.bytes).unwrap_or_else(|| Report::of_rays(self.scene, self.engine.omissions()))
     }
@@ -59,9 +69,59 @@ impl<'a> Plan<'a> {
         self.tracer.as_ref()
     }
 
-    /// Only the tracer.
+    /// Returns the tracer alone.
     pub fn into_tracer(self) -> Box<dyn Tracer + 'a> {
         self.tracer
+    }
+}
+
+/// Wraps a tracer so that each call computes in [`StandardFloats`], whichever thread of the host
+/// makes it.
+struct Guarded<'a> {
+    tracer: Box<dyn Tracer + 'a>,
+}
+
+impl Tracer for Guarded<'_> {
+    fn writes(&self, format: PixelFormat) -> bool {
+        self.tracer.writes(format)
+    }
+
+    fn rows_together(&self) -> u32 {
+        self.tracer.rows_together()
+    }
+
+    fn is_quick(&self) -> bool {
+        self.tracer.is_quick()
+    }
+
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        let _floats = StandardFloats::set();
+        self.tracer.rows(rows, out);
+    }
+
+    fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        let _floats = StandardFloats::set();
+        self.tracer.light(rows, wanted, background, out)
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let _floats = StandardFloats::set();
+        self.tracer.hits(rows)
+    }
+
+    fn count(&self, rows: Range<u32>) -> Counted {
+        let _floats = StandardFloats::set();
+        self.tracer.count(rows)
+    }
+
+    fn report(&self, bytes: bool) -> Option<Report> {
+        let _floats = StandardFloats::set();
+        self.tracer.report(bytes)
+    }
+
+    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
+        let _floats = StandardFloats::set();
+        self.tracer.counted_rows(rows, out)
     }
 }
 
@@ -80,36 +140,36 @@ fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + '
     })
 }
 
-/// Packets of rays: in the rows of one sphere under one light, or in tiles.
+/// The kernels of an instruction set with which packets are traced in one element type.
+#[derive(Clone, Copy)]
+pub struct PacketKernelSet<E: Element> {
+    /// Those of both element types, and those that do not depend on it.
+    pub packets: &'static PacketKernels,
+    /// Those of this element type.
+    pub element: &'static ElementKernels<E>,
+    /// Whether colours may be computed with estimates of roots in floats too, and not in bytes
+    /// alone.
+    pub estimates: bool,
+}
+
+/// Makes the tracer of a packet engine: in whole rows for one sphere under one light, otherwise in
+/// tiles.
 fn packets<'a, E: Element>(
-    engine: Engine,
-    packets: &'static PacketKernels,
-    kernels: (&'static ElementKernels<E>, bool),
+    kernels: PacketKernelSet<E>,
     scene: &'a Scene,
-    purpose: Purpose,
+    purpose: Purpose<'_>,
 ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
     if scene.spheres.len() == 1 {
         scene.check()?;
-        if let Some(tracer) = LitTracer::new(packets, kernels, scene, purpose) {
+        if let Some(tracer) = LitTracer::new(kernels, scene, purpose) {
             return Ok(Box::new(tracer));
         }
     }
-    let lights = lights(scene).len();
-    if lights > MOST_LIGHTS {
-        return Err(EngineError::Lights { engine, lights });
-    }
-    let planning = (purpose.keep, purpose.threads);
-    let part = |raster| TileTracer::new(packets, kernels, (scene, raster), planning);
-    let mut parts: Vec<_> = Raster::of(&scene.camera).into_iter().map(part).collect();
+    let planning = PlanOptions { keep: purpose.keep, threads: purpose.threads, cancel: purpose.cancel };
+    let tracer = TileTracer::new(kernels, scene, planning);
     // Set-up reads every object, and so checks at no cost whether their numbers are valid.
-    if !parts[0].is_valid() {
+    if !tracer.is_valid() {
         scene.check()?;
     }
-    Ok(match parts.pop() {
-        Some(only) if parts.is_empty() => Box::new(only),
-        last => {
-            parts.extend(last);
-            Box::new(Interleaved::new(&scene.camera, parts))
-        }
-    })
+    Ok(Box::new(tracer))
 }

@@ -1,4 +1,4 @@
-//! The engine `reference`: Algorithm 1 in f64, and what each ray hits.
+//! The engine `reference`: Algorithm 1 in f64; also the first hit of every ray.
 
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ struct Sphere {
 
 struct Triangle {
     vertices: [DVec3; 3],
-    /// Of length 1, or NaN if the triangle has no area; then it is not hit.
+    /// The unit normal, or NaN if the triangle has no area: then it is never hit.
     normal: DVec3,
     colour: DVec3,
 }
@@ -122,8 +122,8 @@ impl ReferenceTracer {
         Some(lights.map(|light| cosine(light.position) * light.radiance * colour).sum())
     }
 
-    /// Whether a light reaches the visible point `p` of an object, which is rounded with this `epsilon`: nothing else is between
-    /// them, nor the object's own wall.
+    /// Whether a light reaches the visible point `p` of an object: no other object is between them,
+    /// nor a wall of the object itself. `epsilon` is that of the type in which `p` was rounded.
     pub(super) fn reaches(&self, light: DVec3, object: Object, p: DVec3, epsilon: f64) -> bool {
         let is_turned_away = match object {
             Object::Sphere(i) => geometry::power(self.spheres[i].centre, self.spheres[i].radius) <= 0.0,

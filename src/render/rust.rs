@@ -7,7 +7,10 @@ use std::ops::Range;
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
 use super::reference::ReferenceTracer;
-use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, assert_rows, existing_pixels, is_wanted};
+use super::{
+    Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, assert_rows, existing_pixels, is_wanted,
+    rows_by_floats,
+};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{self, Grid, Object, Scene};
@@ -23,14 +26,14 @@ struct Sphere {
     constant: f32,
     /// r^2.
     squared_radius: f32,
-    /// Whether it is at least sqrt 2 radii away.
+    /// Whether the centre is at least sqrt 2 radii away.
     far: bool,
     colour: Vec3A,
 }
 
-/// A triangle's planes, computed in f64 and rounded once: in f32 the rounding errors of a triangle of no area, or of a
-/// plane through the camera, would look like a plane. Their normals are [`near_1`], so that no size is beyond the range
-/// of f32.
+/// A triangle's planes, computed in f64 and rounded once: in f32 the rounding errors of a triangle
+/// of no area, or of a plane through the camera, would look like a plane. The normals are scaled by
+/// [`near_1`], so that triangles of any size stay within the range of f32.
 struct Triangle {
     /// The index of the scene's triangle.
     source: usize,
@@ -38,14 +41,15 @@ struct Triangle {
     normal: Vec3A,
     /// v1 . n of eq. 9.
     offset: f32,
-    /// For each edge from v to w the normal of the plane through it and the camera, v x w, pointing inwards.
+    /// For each edge from v to w the normal of the plane through it and the camera, v x w, pointing
+    /// inwards.
     edges: [Vec3A; 3],
     colour: Vec3A,
 }
 
 impl Triangle {
     /// None for a triangle that is never hit.
-    fn new((source, triangle): (usize, scene::Triangle)) -> Option<Self> {
+    fn new(source: usize, triangle: scene::Triangle) -> Option<Self> {
         let vertices @ [v1, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
         let volume = geometry::triangle_volume(vertices)?;
         let normal = near_1(geometry::triangle_plane(vertices));
@@ -60,7 +64,8 @@ impl Triangle {
     }
 }
 
-/// `v` times the power of two, an exact factor, that brings its largest component near to 1; 0 stays 0.
+/// `v` times the power of two, an exact factor, that brings its largest component near to 1; 0
+/// stays 0.
 fn near_1(v: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
@@ -82,7 +87,7 @@ pub struct RustTracer {
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
-    /// Of a scene with shadows.
+    /// The tracer that finds shadows, if the scene has any.
     casters: Option<ReferenceTracer>,
 }
 
@@ -109,7 +114,11 @@ impl RustTracer {
             grid: scene.camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
-            triangles: scene.all_triangles().enumerate().filter_map(Triangle::new).collect(),
+            triangles: scene
+                .all_triangles()
+                .enumerate()
+                .filter_map(|(source, triangle)| Triangle::new(source, triangle))
+                .collect(),
             casters: scene.shadows.then(|| ReferenceTracer::new(scene)),
         }
     }
@@ -123,7 +132,8 @@ impl RustTracer {
         let a = d.length_squared();
         for (i, s) in self.spheres.iter().enumerate() {
             let h = d.dot(s.centre);
-            // Two forms of the same number; for distant spheres only the latter does not cancel.
+            // Two forms of the same number, of which the first does not cancel for far spheres, nor
+            // the second for near ones.
             let disc =
                 if s.far { a * s.squared_radius - s.centre.cross(d).length_squared() } else { h * h - a * s.constant };
             if disc >= 0.0 {
@@ -148,7 +158,7 @@ impl RustTracer {
             Some(Hit { object: Object::Triangle(s.source), t, p, n: s.normal.normalize(), colour: s.colour })
         } else {
             let (i, s) = sphere.map(|i| (i, &self.spheres[i]))?;
-            // A sphere can be smaller than the rounding of P.
+            // A sphere can be smaller than the rounding error of P, and P then be at its centre.
             let n = (p - s.centre).normalize_or_zero();
             Some(Hit { object: Object::Sphere(i), t, p, n, colour: s.colour })
         }
@@ -215,7 +225,7 @@ impl Tracer for RustTracer {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        let FilmMut::F32x4(out) = out else { panic!("the engine `rust` writes floats") };
+        let FilmMut::F32x4(out) = out else { return rows_by_floats(self, rows, self.size, out) };
         self.trace(rows, |_, _| true, Vec4::default(), out);
     }
 

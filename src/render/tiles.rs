@@ -1,75 +1,78 @@
-//! The packet engines: the nearest hit of each pixel, tile by tile, then shaded once.
+//! The packet engines in tiles: find the nearest hit of each pixel, and then shade it once.
 
 mod found;
-mod interleaved;
+mod hidden;
+mod kept;
 mod nearest;
 mod shadows;
 mod spheres;
 
-pub use interleaved::Interleaved;
-
 use std::ops::Range;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use self::kept::KEPT;
 use self::nearest::{Scratch, SoFar, TileObjects};
+use super::film::{narrow, rgba_to_bgra};
+use super::plan::PacketKernelSet;
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, assert_rows, existing};
 use crate::kernels::{
-    Element, ElementKernels, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
-    TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4,
+    Element, ElementKernels, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords, TILE_HEIGHT,
+    TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4,
 };
-use crate::plan::{Keep, Omission, Raster, Report, TilePlace, Tiles, Weighted};
+use crate::plan::{Omission, PlanOptions, Report, TilePlace, Tiles, Weighted};
 use crate::scene::Scene;
 
-/// One thread has traced this many objects in many tiles, and so many entries in lists of tiles, in a picture of this many
-/// pixels, before another one has memory for its part.
+/// Limits of a quick picture, which one thread finishes before the memory of another thread's part
+/// would be ready: the most large objects, the most entries in bins, and the most pixels.
 const FEW: usize = 8;
 const FEW_LISTED: usize = 1 << 12;
 const QUICK: u64 = 1 << 21;
 
-/// Each object of a tile, and each pixel that is in shadows of its own, has a record of what each light does there. For more
-/// of these a tile forgets the objects that have no pixel, and is traced in parts, row by row at the least.
+/// The most effects of a tile. An effect is a record of one light for one object, or for a pixel
+/// whose shadows make it an object of its own. Beyond this limit a tile forgets the objects that
+/// have no pixel, and is traced in parts, of a single row if need be.
 const MOST_EFFECTS: usize = 1 << 22;
 
-/// The most lights: a row of a tile in shadows, before it and after it, then has records to which 32 bits can point.
+/// The most lights. With more, the byte offsets of the shading records of one row of a tile could
+/// leave 32 bits: a row is the least part of a tile, shadows may give each of its pixels an object
+/// of its own, and each object has a record for every light.
 pub const MOST_LIGHTS: usize = 1 << 18;
 
-/// A scene planned for tiles, and the kernels that trace it.
+/// A scene that is planned for tiles, with the kernels that trace it.
 pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
     kernels: &'static ElementKernels<E>,
-    /// Whether shades may come from estimates in floats too.
-    fast: bool,
+    /// Whether colours may be computed with estimates in floats too, and not in bytes alone.
+    estimates: bool,
     plan: Tiles<'a, E>,
     /// The records of all spheres, if they are few, in linear floats and in levels.
     records: [OnceLock<SphereRecords<E>>; 2],
     /// Traces the tiles that have an object whose numbers are beyond f32.
     wide: Option<Box<TileTracer<'a, f64>>>,
-    /// The memory of threads that are done with their rows, to be reused.
-    free: Mutex<Vec<Scratches<E>>>,
+    free: FreeScratches<E>,
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
-    /// Plans `scene` for `kernels` of one element type, with estimates if `fast`; see [`Tiles::new`].
-    pub fn new(
-        packets: &'static PacketKernels,
-        (kernels, fast): (&'static ElementKernels<E>, bool),
-        (scene, raster): (&'a Scene, Raster),
-        (keep, threads): (Keep, usize),
-    ) -> Self {
-        let plan = Tiles::new(scene, raster, packets, keep, threads);
-        let wide = || Box::new(TileTracer::of(packets, &packets.double, plan.in_f64(packets, threads)));
-        TileTracer { wide: plan.any_wide().then(wide), fast, ..Self::of(packets, kernels, plan) }
+    /// Plans `scene` for these kernels; see [`Tiles::new`].
+    pub fn new(kernels: PacketKernelSet<E>, scene: &'a Scene, options: PlanOptions<'_>) -> Self {
+        let packets = kernels.packets;
+        let plan = Tiles::new(scene, packets, options);
+        let in_f64 = PacketKernelSet { packets, element: &packets.double, estimates: false };
+        let wide = || Box::new(TileTracer::with_plan(in_f64, plan.in_f64(packets, options)));
+        TileTracer { wide: plan.any_wide().then(wide), ..Self::with_plan(kernels, plan) }
     }
 
-    fn of(packets: &'static PacketKernels, kernels: &'static ElementKernels<E>, plan: Tiles<'a, E>) -> Self {
+    /// The tracer of a plan, of which no tile is traced in f64.
+    fn with_plan(kernels: PacketKernelSet<E>, plan: Tiles<'a, E>) -> Self {
+        let PacketKernelSet { packets, element, estimates } = kernels;
         TileTracer {
             packets,
-            kernels,
-            fast: false,
+            kernels: element,
+            estimates,
             plan,
             records: Default::default(),
             wide: None,
-            free: Mutex::default(),
+            free: FreeScratches::default(),
         }
     }
 
@@ -79,7 +82,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
     }
 }
 
-/// The differences between the outputs of four channels, from which those of three are made.
+/// An output of four channels, in floats or in bytes; those of other formats are converted from it.
 trait Output<E: Element>: Pixel + Plain {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
@@ -90,7 +93,7 @@ impl<E: Element> Output<E> for Vec4 {
         plan.linear()
     }
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-        if tracer.fast { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
+        if tracer.estimates { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
     }
 }
 
@@ -103,26 +106,55 @@ impl<E: Element> Output<E> for Rgba8 {
     }
 }
 
-/// The memory of a thread beside the plan, for its own tiles and for those in f64.
-type Scratches<E> = (Scratch<E>, Option<Scratch<f64>>);
+/// The scratch memory of a thread.
+#[derive(Default)]
+struct Scratches<E: Element> {
+    /// That for tiles in the tracer's own elements.
+    own: Scratch<E>,
+    /// That for tiles in f64.
+    wide: Option<Scratch<f64>>,
+}
 
-/// What to do with pixels without a hit, and with the others.
-struct Misses<P> {
-    /// The background; None: black.
-    rest: Option<P>,
+/// The scratch memory of threads that have finished their rows, to be reused.
+#[derive(Default)]
+struct FreeScratches<E: Element>(Mutex<Vec<Scratches<E>>>);
+
+impl<E: Element> FreeScratches<E> {
+    fn lock(&self) -> MutexGuard<'_, Vec<Scratches<E>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<E: Element> Drop for FreeScratches<E> {
+    /// Keeps some for the next pictures.
+    fn drop(&mut self) {
+        for Scratches { own: scratch, .. } in self.lock().drain(..) {
+            if let Some(scratch) = scratch.for_other_plans() {
+                KEPT.give(Scratches { own: scratch, wide: None });
+            }
+        }
+    }
+}
+
+/// How pixels without a hit are filled, and whether hits are counted.
+struct HitOptions<P> {
+    /// The colour of pixels without a hit; None leaves them black.
+    miss_colour: Option<P>,
     /// The number of hits so far, if they are counted.
-    hits: Option<u64>,
+    hit_count: Option<u64>,
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Traces rows; returns the number of hits, if they are to be `counted`.
+    /// Traces rows; returns the number of hits if `counted`.
     fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
-        let (wanted, hits): (&Wanted<'_>, _) = (&|rows, _| rows, counted.then_some(0));
+        let all: &Wanted<'_> = &|rows, _| rows;
+        let hit_count = counted.then_some(0);
         match out {
-            FilmMut::F32x4(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
-            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3, hits),
-            FilmMut::Rgba8(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
-            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8, hits),
+            FilmMut::F32x4(out) => self.trace(rows, all, out, HitOptions { miss_colour: None, hit_count }),
+            FilmMut::F32x3(out) => self.trace_others(rows, out, narrow(&self.packets.narrow_f32x3), hit_count),
+            FilmMut::Rgba8(out) => self.trace(rows, all, out, HitOptions { miss_colour: None, hit_count }),
+            FilmMut::Rgb8(out) => self.trace_others(rows, out, narrow(&self.packets.narrow_rgb8), hit_count),
+            FilmMut::Bgra8(out) => self.trace_others(rows, out, rgba_to_bgra, hit_count),
         }
     }
 
@@ -132,66 +164,69 @@ impl<E: Element> TileTracer<'_, E> {
         rows: Range<u32>,
         wanted: &Wanted<'_>,
         out: &mut [P],
-        mut misses: Misses<P>,
+        mut options: HitOptions<P>,
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
         assert_rows(&rows, self.plan.size(), out.len());
-        let (mut scratches, rest) = (self.scratches(), misses.rest.unwrap_or(P::of_linear(&Vec4::ZERO)));
+        let mut scratches = self.scratches();
+        let miss_colour = options.miss_colour.unwrap_or(P::of_linear(&Vec4::ZERO));
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let first = first_pixel(window, &rows, width);
             let own = TileOut { pixels: &mut *out, first, width };
-            if !self.trace_tile(tile, window, own, &mut scratches, &mut misses) {
-                rows_of(out, window, first, width).for_each(|row| row.fill(rest));
+            if !self.trace_tile(tile, window, own, &mut scratches, &mut options) {
+                rows_of(out, window, first, width).for_each(|row| row.fill(miss_colour));
             }
         });
         self.put_back(scratches);
-        misses.hits
+        options.hit_count
     }
 
-    /// Traces in four channels, tile by tile, and narrows them to three.
-    fn trace_three<T: Plain, Four: Output<E> + Output<f64>>(
+    /// Traces in four channels, tile by tile, and converts rows of pixels by `convert`.
+    fn trace_others<Four: Output<E> + Output<f64>, P: Pixel>(
         &self,
         rows: Range<u32>,
-        out: &mut [[T; 3]],
-        narrow: &Narrow<Four, [T; 3]>,
-        hits: Option<u64>,
+        out: &mut [P],
+        convert: impl Fn(&[Four], &mut [P]),
+        hit_count: Option<u64>,
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
         assert_rows(&rows, self.plan.size(), out.len());
-        let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
+        let mut scratches = self.scratches();
+        let mut options = HitOptions { miss_colour: None, hit_count };
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {
             let first = first_pixel(window, &rows, width);
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
-            let is_empty = !self.trace_tile(tile, window, own, &mut scratches, &mut misses);
+            let is_empty = !self.trace_tile(tile, window, own, &mut scratches, &mut options);
             for (four, row) in four.chunks(TILE_WIDTH).zip(rows_of(out, window, first, width)) {
                 if is_empty {
-                    row.as_flattened_mut().fill(T::ZERO);
+                    row.fill(P::of_linear(&Vec4::ZERO));
                 } else {
-                    narrow.call(&four[..row.len()], row);
+                    convert(&four[..row.len()], row);
                 }
             }
         });
         self.put_back(scratches);
-        misses.hits
+        options.hit_count
     }
 
     fn scratches(&self) -> Scratches<E> {
-        self.free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+        self.free.lock().pop().or_else(|| KEPT.take()).unwrap_or_default()
     }
 
     fn put_back(&self, scratches: Scratches<E>) {
-        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(scratches);
+        self.free.lock().push(scratches);
     }
 
-    /// Traces a tile in the elements that hold its objects; false, and nothing written, if no object can be in it.
+    /// Traces a tile in f32 or, if its objects need that, in f64. Returns false, and writes
+    /// nothing, if no object can be in the tile.
     fn trace_tile<P: Output<E> + Output<f64>>(
         &self,
         tile: TilePlace,
         window: &TileWindow,
         out: TileOut<'_, P>,
-        (scratch, wide_scratch): &mut Scratches<E>,
-        misses: &mut Misses<P>,
+        scratches: &mut Scratches<E>,
+        options: &mut HitOptions<P>,
     ) -> bool {
         let top = window.rows.start;
         self.parts(window).all(|window| {
@@ -200,14 +235,15 @@ impl<E: Element> TileTracer<'_, E> {
             let out = TileOut { pixels: &mut *out.pixels, first, width: out.width };
             match &self.wide {
                 Some(wide) if self.plan.is_wide(tile) => {
-                    wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), misses)
+                    wide.trace_own(tile, window, out, scratches.wide.get_or_insert_default(), options)
                 }
-                _ => self.trace_own(tile, window, out, scratch, misses),
+                _ => self.trace_own(tile, window, out, &mut scratches.own, options),
             }
         })
     }
 
-    /// A window in parts of so many rows that [`MOST_EFFECTS`] holds. If no object can be in the first, none can be in the tile.
+    /// Divides a window into parts with so few rows that each keeps within [`MOST_EFFECTS`]. If no
+    /// object can be in the first part, none can be in the tile.
     fn parts(&self, window: &TileWindow) -> impl Iterator<Item = TileWindow> + use<E> {
         let lights = self.plan.points().len().max(1);
         let most = (MOST_EFFECTS / (lights * TILE_WIDTH)).clamp(1, TILE_HEIGHT);
@@ -217,7 +253,7 @@ impl<E: Element> TileTracer<'_, E> {
         window.rows.clone().step_by(most).map(part)
     }
 
-    /// Calls `say` for all tiles of `rows` with their windows within these.
+    /// Calls `say` for every tile that has some of `rows`, with the window of these rows.
     fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         let (width, height) = (self.plan.size()[0], TILE_HEIGHT as u32);
         if rows.is_empty() {
@@ -239,7 +275,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// The same for tiles with `wanted` pixels, and only for the rows of them that these need.
+    /// As [`each_tile`](Self::each_tile), but only for tiles with `wanted` pixels, with windows of
+    /// only the rows that these need.
     fn each_wanted(&self, rows: Range<u32>, wanted: &Wanted<'_>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         self.each_tile(rows, |tile, window| {
             let TileWindow { column, row, columns, .. } = *window;
@@ -258,10 +295,10 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         out: TileOut<'_, P>,
         scratch: &mut Scratch<E>,
-        misses: &mut Misses<P>,
+        options: &mut HitOptions<P>,
     ) -> bool {
         let weighted = P::weighted(&self.plan);
-        let (_, rays) = self.plan.view(tile);
+        let rays = self.plan.rays(tile);
         let TileOut { pixels, first, width } = out;
         let mut shade = |buffers: &TileBuffers<E>, TileObjects { shades, spheres, .. }: &TileObjects<E>| {
             let SphereRecords { spheres: records, lits, shorts } =
@@ -282,18 +319,18 @@ impl<E: Element> TileTracer<'_, E> {
         }
         if let Some(of) = self.plan.shadows() {
             let Scratch { buffers, objects, shadows, .. } = scratch;
-            self.cast_shadows((of, true), window, buffers, objects, shadows.get_or_insert_default());
+            self.cast_shadows(of, true, window, buffers, objects, shadows.get_or_insert_default());
         }
         let Scratch { buffers, objects, .. } = scratch;
-        let hits = misses.hits.as_mut().map(|sum| {
+        let hits = options.hit_count.as_mut().map(|sum| {
             let hits = buffers.count_hits(self.kernels.lanes, window);
             *sum += hits;
             hits
         });
         shade(buffers, objects);
         let all = u64::from(window.columns) * window.rows.len() as u64;
-        if let Some(rest) = misses.rest.filter(|_| hits != Some(all)) {
-            buffers.fill_rest(self.kernels.lanes, window, rest, TileOut { pixels: &mut *pixels, first, width });
+        if let Some(colour) = options.miss_colour.filter(|_| hits != Some(all)) {
+            buffers.fill_rest(self.kernels.lanes, window, colour, TileOut { pixels: &mut *pixels, first, width });
         }
         true
     }
@@ -317,7 +354,7 @@ fn first_pixel(window: &TileWindow, rows: &Range<u32>, width: usize) -> usize {
 
 impl<E: Element> Tracer for TileTracer<'_, E> {
     fn report(&self, bytes: bool) -> Option<Report> {
-        Some(Report::of_tiles(&[&self.plan], self.survey_all(), bytes))
+        Some(Report::of_tiles(&self.plan, self.survey_all(), bytes))
     }
 
     fn writes(&self, _: PixelFormat) -> bool {
@@ -347,8 +384,9 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
-        let (rays, rest) = (out.len() as u64, Some(background).filter(|light| *light != Vec4::default()));
-        let hits = self.trace(rows, wanted, out, Misses { rest, hits: Some(0) });
+        let rays = out.len() as u64;
+        let miss_colour = Some(background).filter(|light| *light != Vec4::default());
+        let hits = self.trace(rows, wanted, out, HitOptions { miss_colour, hit_count: Some(0) });
         hits.map(|hits| Counted { rays, hits })
     }
 

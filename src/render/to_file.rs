@@ -1,4 +1,4 @@
-//! A whole picture into an image file: an engine driven over it band by band.
+//! Renders a whole picture into an image file, band by band.
 
 use std::borrow::Cow;
 use std::io;
@@ -8,35 +8,35 @@ use std::time::{Duration, Instant};
 
 use super::image_file::PartEncoder;
 use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError, UNPOISONED, WrongSize};
-use crate::measure::Cycles;
+use crate::kernels::Cycles;
+use crate::kernels::StandardFloats;
 
-/// A band is as many whole rows as fit into this for each thread, and at least one. The first picture waits for the
-/// memory of its film: touching a page for the first time costs as much as ten thousand pixels of a sphere.
+/// A band has as many whole rows as fit into this many bytes per thread, and at least one. Bands
+/// are small because the first picture of a process waits for the memory of its film: touching a
+/// page for the first time costs as much as ten thousand pixels of a sphere.
 const BAND_BYTES: usize = 128 << 10;
 
-/// A band has that many tasks for each of several threads, so that all finish it at about the same time.
+/// With several threads, a band has at least this many tasks for each, so that all finish it at
+/// about the same time.
 const TASKS: usize = 3;
-
-/// Each of several ranks gets at least that many bands, if they are then no shorter than the tasks of threads.
-const BANDS_OF_RANK: usize = 32;
 
 /// How the time of a picture was spent.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
-    /// Tracing alone, into memory that was touched before.
+    /// Time of tracing alone, into memory that was touched before.
     pub trace: Duration,
-    /// Tracing alone, in cycles of the time-stamp counter, where there is one.
+    /// Time of tracing alone, in cycles of the time-stamp counter, if there is one.
     pub trace_cycles: Option<u64>,
-    /// Converting four floats to the file's pixels, if the engine does not, and encoding the file.
+    /// Time of converting pixels, if the engine does not write the file's, and of encoding.
     pub encode: Duration,
-    /// Handing bytes to the operating system.
+    /// Time of handing bytes to the operating system.
     pub write: Duration,
     /// Rays and their hits, if the frame [counts](Frame::counting_hits) them.
     pub counted: Option<Counted>,
 }
 
 impl Stats {
-    /// No time so far.
+    /// Statistics of a frame before any time is spent.
     pub(super) fn of(frame: &Frame<'_>) -> Self {
         Stats {
             trace_cycles: Cycles::available().then_some(0),
@@ -45,7 +45,8 @@ impl Stats {
         }
     }
 
-    /// Adds a band that `bands` traces; `done` is told of every few rows.
+    /// Traces a band with `bands` and adds its time; `done` is called with the number of rows of
+    /// each finished task.
     pub(super) fn trace(
         &mut self,
         bands: &mut Bands<'_>,
@@ -61,12 +62,15 @@ impl Stats {
     }
 }
 
-/// Renders the rows of an image file into it, band by band; `done` is told of every few rows that are traced.
+/// Renders the rows of an image file into it, band by band; `done` is called with the number of
+/// rows of each traced task.
 ///
 /// # Errors
-/// [`RenderError::Size`] if the file is not for pictures of the frame's size, or has rows already, and then nothing is
-/// traced; [`RenderError::Memory`] and [`RenderError::Image`].
+/// [`RenderError::Size`] if the file is not for pictures of the frame's size, or has rows already,
+/// and then nothing is traced; [`RenderError::Memory`], [`RenderError::Image`] and
+/// [`RenderError::Cancelled`].
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
+    let _floats = StandardFloats::set();
     let (camera, [width, height, begun]) = (&frame.camera, image.size());
     for (what, found, expected) in [
         ("pixels in a row of the file", width, camera.width()),
@@ -78,7 +82,7 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
         }
     }
     let mut bands = Bands::new(frame, image.encoder())?;
-    let (all, height) = (image.rows(), bands.height(image.rows().len() as u32, 1));
+    let (all, height) = (image.rows(), bands.height(image.rows().len() as u32));
     let mut stats = Stats::of(frame);
     for start in all.clone().step_by(height as usize) {
         let rows = start..all.end.min(start.saturating_add(height));
@@ -98,9 +102,9 @@ pub(super) struct Bands<'a> {
     encoder: Arc<PartEncoder>,
     format: PixelFormat,
     film: Film,
-    /// The file's pixels, if the engine writes others.
+    /// A film in the file's pixel format, if the engine writes another one.
     converted: Option<Film>,
-    /// The rows of the band that was traced last.
+    /// The number of rows of the band that was traced last.
     rows: u32,
 }
 
@@ -112,22 +116,20 @@ impl<'a> Bands<'a> {
         Ok(Bands { frame, encoder, format, film: frame.film(format, 0)?, converted, rows: 0 })
     }
 
-    /// The number of rows in a band of a picture of `rows`, which `ranks` share.
-    pub(super) fn height(&self, rows: u32, ranks: usize) -> u32 {
+    /// The number of rows in a band of a picture of `rows`.
+    pub(super) fn height(&self, rows: u32) -> u32 {
         let threads = self.frame.threads();
         let width = self.frame.camera.width() as usize;
         let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
         let height = if threads > 1 { height.max(TASKS * threads * self.frame.task_rows()) } else { height };
         let height = self.encoder.part_rows().map_or(height, |part| height.max(part as usize * threads));
-        // Fewer if ranks would have too few bands to finish together.
-        let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
-        let height = if ranks > 1 { height.min(fair) } else { height };
         let rows_together = self.frame.rows_together();
         let together = self.encoder.part_rows().filter(|part| !rows_together.is_multiple_of(*part));
         height.next_multiple_of(together.unwrap_or(rows_together) as usize).min(rows as usize) as u32
     }
 
-    /// Traces rows; `done` is told of every few. Returns their rays and hits, if requested and known.
+    /// Traces rows; `done` is called with the number of rows of each finished task. Returns their
+    /// rays and hits, if requested and known.
     fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<Option<Counted>, RenderError> {
         let pixels = self.frame.camera.width() as usize * rows.len();
         if self.film.len() < pixels {
@@ -138,15 +140,19 @@ impl<'a> Bands<'a> {
         }
         self.rows = rows.len() as u32;
         let film = self.film.as_mut().part(0..pixels);
-        if self.frame.counts_hits {
-            return Ok(self.frame.trace_counted(rows, film, done));
-        }
-        self.frame.trace_band(rows, film, done);
-        Ok(None)
+        let counted = if self.frame.counts_hits {
+            self.frame.trace_counted(rows, film, done)
+        } else {
+            self.frame.trace_band(rows, film, done);
+            None
+        };
+        // Rows that were not traced are no part of a picture.
+        if self.frame.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(counted) }
     }
 
-    /// Encodes what was traced, each part on one thread, which hands over in order what is ready: its own parts need not
-    /// come from another core's caches and go back there for the next band.
+    /// Encodes the traced band part by part. Each thread itself writes its parts when it is their
+    /// turn, so that their bytes do not move to another core's caches, and the memory not back for
+    /// the next band.
     pub(super) fn encode<E: Send>(
         &mut self,
         take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E> + Send,

@@ -1,9 +1,12 @@
-//! The pinhole camera of Algorithm 1: image size, focal distance and film, and the grid of rays that follows.
+//! The pinhole camera of Algorithm 1: image size, focal distance and film, and the grid of rays
+//! that follows.
 
 use std::ops::{Add, Div, Mul, Sub};
 
+use crate::kernels::StandardFloats;
+
 /// The longest side of an image, in pixels.
-pub const MAX_SIDE: u32 = 1_000_000;
+pub const MAX_SIDE: u32 = 65_535;
 /// The most pixels of an image.
 pub const MAX_PIXELS: u64 = 1 << 31;
 
@@ -21,18 +24,21 @@ pub struct Camera {
 /// Why there is no such camera.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
-    /// A side is 0 or longer than [`MAX_SIDE`].
+    /// A side is 0 or longer than [`MAX_SIDE`]: the width and the height.
     #[error("each side of an image must be from 1 to {MAX_SIDE} pixels, not {0}x{1}")]
     Side(u32, u32),
-    /// More than [`MAX_PIXELS`].
+    /// More than [`MAX_PIXELS`] pixels: the width and the height.
     #[error("an image of {0}x{1} has more than {MAX_PIXELS} pixels")]
     Pixels(u32, u32),
-    /// Not a finite number greater than 0.
+    /// A focal distance that is not a finite number greater than 0.
     #[error("the focal distance must be a finite number greater than 0, not {0}")]
     Focal(f32),
-    /// Not a finite number greater than 0.
+    /// A diagonal of the film that is not a finite number greater than 0.
     #[error("the film diagonal must be a finite number greater than 0, not {0}")]
     Film(f32),
+    /// A field of view that is not between 0 and 180 degrees.
+    #[error("the field of view must be greater than 0 and less than 180 degrees, not {0}")]
+    FieldOfView(f64),
 }
 
 /// The camera of a mesh alone: 800 x 600 pixels, focal distance 1, film 1.
@@ -43,9 +49,10 @@ impl Default for Camera {
 }
 
 impl Camera {
-    /// A camera of `width` x `height` pixels at focal distance `focal` from a film whose diagonal is `film`
-    /// (Algorithm 1: 1).
+    /// A camera of `width` x `height` pixels at focal distance `focal` from a film whose diagonal
+    /// is `film` (Algorithm 1: 1).
     pub fn new(width: u32, height: u32, focal: f32, film: f32) -> Result<Self, CameraError> {
+        let _floats = StandardFloats::set();
         let positive = |x: f32| x.is_finite() && x > 0.0;
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
             Err(CameraError::Side(width, height))
@@ -66,6 +73,47 @@ impl Camera {
     /// As [`Camera::new`].
     pub fn sized(&self, width: u32, height: u32) -> Result<Self, CameraError> {
         Camera::new(width, height, self.focal, self.film)
+    }
+
+    /// The same camera with another number of pixels and another diagonal, so that a column of the
+    /// picture sees what it saw before: a wider picture sees more at its sides.
+    /// [`sized`](Self::sized) keeps the diagonal, and so sees less above and below.
+    ///
+    /// ```
+    /// # use rayo::Camera;
+    /// # fn main() -> Result<(), rayo::CameraError> {
+    /// let camera = Camera::new(400, 300, 1.0, 1.0)?;
+    /// // 4:3 has diagonals of 5/3 of its height, 16:9 of sqrt(337)/9.
+    /// let wide = camera.sized_by_height(1280, 720)?;
+    /// assert!((wide.film() - 0.6 * 337_f32.sqrt() / 9.0).abs() < 1e-6);
+    /// assert_eq!(camera.sized_by_height(800, 600)?.film(), 1.0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub fn sized_by_height(&self, width: u32, height: u32) -> Result<Self, CameraError> {
+        let _floats = StandardFloats::set();
+        // Diagonals in heights of the film.
+        let [before, after] = [(self.width, self.height), (width, height)]
+            .map(|(width, height)| (f64::from(width) / f64::from(height)).hypot(1.0));
+        Camera::new(width, height, self.focal, (f64::from(self.film) * (after / before)) as f32)
+    }
+
+    /// The same camera with another diagonal of the film, so that a column of the picture sees this
+    /// angle, in degrees.
+    ///
+    /// # Errors
+    /// If the angle is not between 0 and 180 degrees, and as [`Camera::new`].
+    pub fn with_field_of_view(&self, degrees: f64) -> Result<Self, CameraError> {
+        let _floats = StandardFloats::set();
+        if !(degrees > 0.0 && degrees < 180.0) {
+            return Err(CameraError::FieldOfView(degrees));
+        }
+        let height = 2.0 * f64::from(self.focal) * (degrees / 2.0).to_radians().tan();
+        let diagonal = height * (f64::from(self.width) / f64::from(self.height)).hypot(1.0);
+        Camera::new(self.width, self.height, self.focal, diagonal as f32)
     }
 
     /// Pixels in a row.
@@ -94,6 +142,7 @@ impl Camera {
     }
 
     /// Lines 1 to 4 of Algorithm 1, computed in the precision `T`.
+    #[doc(hidden)]
     pub fn grid<T: Real>(&self) -> Grid<T> {
         let (width, height) = (T::from_u32(self.width), T::from_u32(self.height));
         let relation = width / height;

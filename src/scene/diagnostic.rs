@@ -1,4 +1,5 @@
-//! Errors of scene files and how they are shown: [`Diagnostic`], [`SceneError`], and their rendering.
+//! Errors of scene files and how they are shown: [`Diagnostic`], [`SceneError`], and their
+//! rendering.
 
 use std::fmt;
 use std::io::{self, ErrorKind};
@@ -7,11 +8,11 @@ use std::path::{Path, PathBuf};
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
-use super::MeshError;
 use super::log::is_line_end;
+use super::{MeshError, MeshFormat};
 
-/// How many bytes of a line are shown before a token, of the token itself, and after it: diagnostics of long lines stay
-/// short.
+/// How many bytes of a line are shown before a token, of the token itself, and after it:
+/// diagnostics of long lines stay short.
 const SHOWN_BEFORE: usize = 60;
 const SHOWN_TOKEN: usize = 40;
 const SHOWN_AFTER: usize = 30;
@@ -86,6 +87,14 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
     },
+    /// The file seems to be a mesh, whose format only a name tells.
+    #[error("{}", self.render(false))]
+    NamelessMesh {
+        /// The file.
+        path: PathBuf,
+        /// Its probable format.
+        format: MeshFormat,
+    },
     /// The file is an invalid mesh.
     #[error("{}", self.render(false))]
     Mesh(MeshError),
@@ -158,7 +167,8 @@ impl SceneError {
         }
     }
 
-    /// Each error with its line of the file, for a terminal: with ANSI colours or plain, without a newline at the end.
+    /// Each error with its line of the file, for a terminal: with ANSI colours or plain, without a
+    /// newline at the end.
     pub fn render(&self, colour: bool) -> String {
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         let mut parts = Vec::new();
@@ -199,9 +209,15 @@ impl SceneError {
                 )
             }
             SceneError::Foreign { path } => format!(
-                "`{}` is of no format that is read here: scenes are .in and .toml, meshes .obj, .ply and .stl, as which most \
-                 programs export theirs",
-                shown(path)
+                "{}: unsupported format: rayo reads scenes as .in and .toml, meshes as .obj, .ply, .stl, .glb and .gltf, \
+                 to which most programs can export, and atoms or points as .xyz, .pdb and .cif",
+                source_name(path)
+            ),
+            SceneError::NamelessMesh { path, format } => format!(
+                "{} looks like a mesh in {format} format, and meshes need names that tell their formats: save it as a \
+                 file whose name ends in .{}",
+                source_name(path),
+                format.extension()
             ),
             SceneError::Invalid { .. } | SceneError::Mesh(_) => unreachable!("they have places"),
         }
@@ -236,7 +252,8 @@ impl Excerpt {
 /// The first place at or after `at` where a character can begin.
 fn boundary(source: &[u8], at: usize) -> usize {
     let inside = source[at..].iter().take_while(|&&byte| byte & 0xc0 == 0x80).count();
-    // No character is longer than four bytes: a longer run is not UTF-8, and any place in it will do.
+    // No character is longer than four bytes: a longer run is not UTF-8, and any place in it will
+    // do.
     at + inside.min(3)
 }
 
@@ -257,19 +274,19 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
 }
 
 /// A path made safe to print.
-pub(crate) fn shown(path: impl AsRef<Path>) -> String {
+pub fn shown(path: impl AsRef<Path>) -> String {
     printable(&path.as_ref().to_string_lossy())
 }
 
 /// `text` with its unseen characters escaped, so that a file cannot control the terminal.
-pub(crate) fn printable(text: &str) -> String {
+pub fn printable(text: &str) -> String {
     let spell = |c: char| if is_unseen(c) { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
 }
 
-/// Words that may repeat a file's or a user's, made safe so that they neither control a terminal nor fill it. Their end may
-/// say the place.
-pub(crate) fn brief(text: &str) -> String {
+/// Words that may repeat a file's or a user's, made safe so that they neither control a terminal
+/// nor fill it. Their end may say the place.
+pub fn brief(text: &str) -> String {
     const SHOWN: [usize; 2] = [240, 60];
     match (text.char_indices().nth(SHOWN[0]), text.char_indices().nth_back(SHOWN[1])) {
         (Some((end, _)), Some((start, _))) if end < start => printable(&text[..end]) + CUT + &printable(&text[start..]),
@@ -277,17 +294,42 @@ pub(crate) fn brief(text: &str) -> String {
     }
 }
 
-/// Whether a character shows nothing itself, but may change what a terminal shows of others: Unicode's controls, formats
-/// (as those that turn the direction of writing), and ends of lines and paragraphs.
-pub(crate) fn is_unseen(c: char) -> bool {
+/// Whether a character shows nothing itself, but may change what a terminal shows of others:
+/// Unicode's controls, formats (as those that turn the direction of writing), and ends of lines and
+/// paragraphs.
+pub fn is_unseen(c: char) -> bool {
     let is_format = matches!(u32::from(c), 0xad | 0x61c | 0x180e | 0x200b..=0x200f | 0x2028..=0x202e | 0x2060..=0x206f | 0xfeff
         | 0xfff9..=0xfffb | 0x13430..=0x1343f | 0x1bca0..=0x1bca3 | 0x1d173..=0x1d17a | 0xe0000..=0xe007f);
     is_format || c.is_control()
 }
 
+/// `error`, or a better one if it is that there is no file because the name is an address.
+#[cfg(feature = "files")]
+pub fn of_address(path: &Path, error: io::Error) -> io::Error {
+    let is_address = error.kind() == ErrorKind::NotFound && is_address(path);
+    if is_address { io::Error::new(ErrorKind::NotFound, ONLY_FILES) } else { error }
+}
+
+/// How messages call a scene's source.
+fn source_name(path: &Path) -> String {
+    if path == Path::new("-") { "standard input".into() } else { format!("`{}`", shown(path)) }
+}
+
+/// Whether a name is an address on the web, which nothing is read from.
+pub(crate) fn is_address(path: &Path) -> bool {
+    path.to_str()
+        .and_then(|name| name.split_once("://"))
+        .is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.bytes().all(|byte| byte.is_ascii_alphanumeric()))
+}
+
+/// What to do with such a name.
+pub(crate) const ONLY_FILES: &str = "this is an address, and rayo only reads files: download it first";
+
 fn unreadable(path: &Path, cause: &io::Error) -> String {
+    let is_address = is_address(path);
     let path = shown(path);
     match cause.kind() {
+        ErrorKind::NotFound if is_address => format!("`{path}`: {ONLY_FILES}"),
         ErrorKind::NotFound => match cause.get_ref() {
             Some(near) => format!("there is no scene file `{path}`: {near}"),
             None => format!("there is no scene file `{path}`"),

@@ -1,19 +1,31 @@
 //! Signs, found without tracing, that the picture of a scene is probably not what its author meant.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::Scene;
 use crate::reference::geometry;
 
-/// At more than this focal distance the format's film, whose diagonal is 1, sees less than 6 degrees.
+/// A colour of so much white is probably a level of 255: no author means an object that sends back
+/// ten times the light.
+const BRIGHT: f32 = 10.0;
+
+/// At more than this focal distance the format's film, whose diagonal is 1, sees less than 6
+/// degrees.
 const LONG: f32 = 10.0;
 
 impl Scene {
-    /// What is probably a mistake in the scene, a line each: costs at most as much as four rays by brute force.
+    /// What is probably a mistake in the scene, a line each: costs at most as much as four rays by
+    /// brute force.
     pub fn doubts(&self) -> Vec<String> {
         let (mut doubts, camera) = (Vec::new(), &self.camera);
         if self.lights.iter().all(|light| light.radiance() == DVec3::ZERO) {
             doubts.push("the scene has no light: whatever is seen is black".to_owned());
+        }
+        if let Some(colour) = self.colour_in_levels() {
+            let [red, green, blue] = colour.to_array();
+            doubts.push(format!(
+                "an object has the colour {red} {green} {blue}, and white is 1 1 1: are levels of 255 meant? divide them by 255"
+            ));
         }
         if !self.reaches_in_front() {
             doubts.push("nothing is in front of the camera, which looks along +z from the origin".to_owned());
@@ -27,12 +39,22 @@ impl Scene {
         doubts
     }
 
+    /// The first colour of an object, but for those of meshes, that is written in levels and far
+    /// brighter than white.
+    fn colour_in_levels(&self) -> Option<Vec3> {
+        let of_spheres = self.spheres.iter().map(|sphere| sphere.colour);
+        let mut colours = of_spheres.chain(self.triangles.iter().map(|triangle| triangle.colour));
+        let is_level = |channel: f32| channel.fract() == 0.0 && channel <= f32::from(u8::MAX);
+        colours.find(|colour| colour.max_element() > BRIGHT && colour.to_array().into_iter().all(is_level))
+    }
+
     fn reaches_in_front(&self) -> bool {
         self.spheres.iter().any(|sphere| sphere.centre.z + sphere.radius > 0.0)
             || self.all_triangles().any(|triangle| triangle.vertices.iter().any(|vertex| vertex.z > 0.0))
     }
 
-    /// Whether all rays at the corners hit something: then nearly all rays do, except those of a frame.
+    /// Whether all rays at the corners hit something: then nearly all rays do, except those of a
+    /// frame.
     fn covers_corners(&self) -> bool {
         let camera = &self.camera;
         let grid = camera.grid::<f64>();

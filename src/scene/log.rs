@@ -1,8 +1,10 @@
-//! The errors of a text while it is being read: each is noted with its line and column, in one pass over the text.
+//! The errors of a text while it is being read: each is noted with its line and column, in one pass
+//! over the text.
 
 use std::fmt;
 use std::ops::Range;
 
+use super::mistaken::{Mistaken, recognise, recognise_unread};
 use super::{Diagnostic, SceneError};
 
 /// The most errors of a file that are kept; further ones are only counted.
@@ -42,10 +44,18 @@ impl<'a> Log<'a> {
         Log { source, start, place, diagnostics: Vec::new(), more: 0 }
     }
 
-    /// The text and its start, after a byte order mark; or None, after noting that it is not UTF-8.
+    /// The text and its start, after a byte order mark; or None, after noting that it is not UTF-8
+    /// or no scene at all.
     pub(super) fn text(&mut self) -> Option<(&'a str, usize)> {
         match std::str::from_utf8(self.source) {
-            Ok(text) => Some((text, self.start)),
+            Ok(text) => match recognise(self.source) {
+                None => Some((text, self.start)),
+                Some(Mistaken { what, help }) => {
+                    let line = self.source.split(|byte| is_line_end(*byte)).next().unwrap_or_default();
+                    self.note(0..line.len(), format_args!("{what}"), "a scene", Some((*help).to_owned()));
+                    None
+                }
+            },
             Err(error) => {
                 self.not_utf8(error);
                 None
@@ -92,10 +102,10 @@ impl<'a> Log<'a> {
     fn not_utf8(&mut self, error: std::str::Utf8Error) {
         let start = error.valid_up_to();
         let end = error.error_len().map_or(self.source.len(), |length| start + length);
-        let utf16 = self.source.starts_with(b"\xff\xfe") || self.source.starts_with(b"\xfe\xff");
-        let help = if utf16 { "this looks like UTF-16: save the file as UTF-8" } else { "save the file as UTF-8" };
+        let of_mistaken = |Mistaken { what, help }: &Mistaken| format!("{what}: {help}");
+        let help = recognise_unread(self.source).map_or("save the file as UTF-8".to_owned(), of_mistaken);
         let message = format_args!("byte {start} of the file, {:#04x}, is not UTF-8", self.source[start]);
-        self.note(start..end, message, "UTF-8 text", Some(help.to_owned()));
+        self.note(start..end, message, "UTF-8 text", Some(help));
     }
 }
 

@@ -1,20 +1,28 @@
 //! Triangle meshes: the content of their files, and their place in a scene.
 
 #[cfg(feature = "files")]
-mod fault;
+pub(super) mod colour;
+#[cfg(feature = "files")]
+pub(super) mod fault;
+#[cfg(feature = "files")]
+mod gltf;
 #[cfg(feature = "files")]
 mod materials;
 #[cfg(feature = "files")]
+pub(super) mod number;
+#[cfg(feature = "files")]
 mod obj;
 #[cfg(feature = "files")]
-mod ply;
+pub(super) mod ply;
 #[cfg(feature = "files")]
 mod polygon;
 #[cfg(feature = "files")]
-mod read;
+pub(super) mod read;
 pub mod shapes;
 #[cfg(feature = "files")]
 mod stl;
+#[cfg(feature = "files")]
+pub(super) mod vertices;
 #[cfg(feature = "files")]
 mod write;
 
@@ -26,24 +34,82 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::diagnostic::shown;
-use super::{Faces, Scene, ToCamera};
+use super::setting::KeyLight;
+use super::{Camera, CameraError, Faces, MovedFaces, Scene, ToCamera, UpAxis, View};
 use crate::kernels::ColourRun;
 
 /// Triangles that share their corners.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Points, each finite, in the file's own coordinates.
+    /// Points, each finite, relative to the origin.
     pub vertices: Vec<Vec3>,
+    /// Where the origin is in the file's own coordinates: 0, unless the whole mesh is so far from 0
+    /// that f32 would lose digits of its shape, as it does of coordinates on maps.
+    pub origin: DVec3,
     /// Three indices into `vertices` for each triangle; methods panic if one is out of range.
     pub triangles: Vec<[u32; 3]>,
-    /// Their colours, in runs of consecutive triangles, each up to an end; those after the last are white.
+    /// Their colours in linear light, in runs of consecutive triangles, each up to an end; those
+    /// after the last are white. Files hold them on the sRGB curve.
     pub colours: Vec<ColourRun>,
-    /// How many faces of the file had more than three corners and were triangulated: the same face if it is planar.
+    /// How many faces of the file had more than three corners and were triangulated: the same face
+    /// if it is planar.
     pub polygons: usize,
-    /// The files of materials that its colours are from.
+    /// The files of materials that its colours are from, or of buffers.
     pub libraries: Vec<PathBuf>,
     /// What was dropped from the file or is not as the format demands: a sentence each.
     pub notes: Vec<String>,
+    /// The camera of the file, if it has one.
+    pub camera: Option<FileCamera>,
+    /// The lights of the file, of formats that have them.
+    pub lights: Vec<FileLight>,
+}
+
+/// The camera of a mesh file, in the file's own coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FileCamera {
+    /// Where the pinhole is.
+    pub position: DVec3,
+    /// The direction of view.
+    pub forward: DVec3,
+    /// What points upwards in the picture.
+    pub up: DVec3,
+    /// The angle that a column of the picture sees, in degrees.
+    pub field_of_view: f64,
+}
+
+impl FileCamera {
+    /// The same place in the world.
+    pub(super) fn view(&self, to_world: DAffine3) -> View {
+        let position = to_world.transform_point3(self.position);
+        let look_at = position + to_world.transform_vector3(self.forward);
+        View { position, look_at, up: to_world.transform_vector3(self.up) }
+    }
+
+    /// `camera` with the film of this one.
+    pub(super) fn lens(&self, camera: &Camera) -> Result<Camera, CameraError> {
+        camera.with_field_of_view(self.field_of_view)
+    }
+}
+
+/// A point light of a mesh file, in the file's own coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FileLight {
+    /// Where it is.
+    pub position: DVec3,
+    /// Its luminous intensity in candela, at least 0.
+    pub intensity: f64,
+    /// Its colour in linear light.
+    pub colour: Vec3,
+}
+
+impl FileLight {
+    /// The light in the world, as strong as it is at `middle` by the inverse square of the
+    /// distance.
+    pub(super) fn in_world(&self, to_world: DAffine3, middle: DVec3) -> KeyLight {
+        let position = to_world.transform_point3(self.position);
+        let strength = self.intensity / position.distance_squared(middle).max(f64::MIN_POSITIVE);
+        KeyLight { strength, colour: self.colour, position }
+    }
 }
 
 /// A format of mesh files.
@@ -55,6 +121,8 @@ pub enum MeshFormat {
     Ply,
     /// STL: text or binary. Binary is written.
     Stl,
+    /// glTF 2.0: JSON or binary. Binary is written.
+    Gltf,
 }
 
 /// An error of a mesh file, and its place.
@@ -65,7 +133,8 @@ pub struct MeshError {
     pub path: PathBuf,
     /// The line, from 1, if the file is text and the error has one.
     pub line: Option<usize>,
-    /// What is wrong with which element, e.g. "face 17's corner 3 is vertex 9, which the file has not".
+    /// What is wrong with which element, e.g. "face 17's corner 3 refers to vertex 9, but the file
+    /// has only 3 vertices".
     pub message: String,
     /// What would have been right, if that is not obvious.
     pub expected: Option<String>,
@@ -82,8 +151,13 @@ impl MeshError {
 
 impl MeshFormat {
     /// The extension of file names, in lower case, and the format that it stands for.
-    pub const EXTENSIONS: &[(&str, MeshFormat)] =
-        &[("obj", MeshFormat::Obj), ("ply", MeshFormat::Ply), ("stl", MeshFormat::Stl)];
+    pub const EXTENSIONS: &[(&str, MeshFormat)] = &[
+        ("obj", MeshFormat::Obj),
+        ("ply", MeshFormat::Ply),
+        ("stl", MeshFormat::Stl),
+        ("glb", MeshFormat::Gltf),
+        ("gltf", MeshFormat::Gltf),
+    ];
 
     /// The format of a file name by its extension, in upper or lower case.
     pub fn from_path(path: &Path) -> Option<MeshFormat> {
@@ -98,15 +172,25 @@ impl MeshFormat {
             MeshFormat::Obj => "OBJ",
             MeshFormat::Ply => "PLY",
             MeshFormat::Stl => "STL",
+            MeshFormat::Gltf => "glTF",
         }
     }
 
-    /// How files of this format stand in the world by default: their coordinates are right-handed, and the world is
-    /// left-handed; y is up, except in STL, which printers use, where z is.
+    /// The extension of its files that are usual.
+    pub fn extension(self) -> &'static str {
+        let known = MeshFormat::EXTENSIONS.iter().find(|(_, format)| *format == self);
+        known.map_or("", |(extension, _)| extension)
+    }
+
+    /// How files of this format stand in the world by default: their coordinates are right-handed,
+    /// and the world is left-handed; y is up, except in STL, which printers use, where z is.
     pub fn placement(self) -> Placement {
-        let scale = DVec3::new(1.0, 1.0, -1.0);
-        let rotate = if self == MeshFormat::Stl { DVec3::new(90.0, 0.0, 0.0) } else { DVec3::ZERO };
-        Placement { scale, rotate, translate: DVec3::ZERO }
+        self.up_axis().placement()
+    }
+
+    /// The axis that stands upright in most files of this format.
+    pub fn up_axis(self) -> UpAxis {
+        if self == MeshFormat::Stl { UpAxis::Z } else { UpAxis::Y }
     }
 }
 
@@ -121,7 +205,8 @@ impl fmt::Display for MeshFormat {
 pub struct Placement {
     /// Factors along the mesh's own axes; a negative one mirrors.
     pub scale: DVec3,
-    /// Degrees about x, then about y, then about z: 90 about x takes y to z, about y z to x, about z x to y.
+    /// Degrees about x, then about y, then about z: 90 about x takes y to z, about y z to x, about
+    /// z x to y.
     pub rotate: DVec3,
     /// The translation, applied last.
     pub translate: DVec3,
@@ -155,7 +240,7 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 }
 
 impl Mesh {
-    /// The vertices that triangles use, each once, in their order.
+    /// The vertices that triangles use, each once, in their order and relative to the origin.
     pub fn used(&self) -> Cow<'_, [Vec3]> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.iter().flatten().for_each(|&index| used[index as usize] = true);
@@ -165,18 +250,24 @@ impl Mesh {
         self.vertices.iter().zip(used).filter_map(|(vertex, used)| used.then_some(*vertex)).collect()
     }
 
-    /// The three corners of a triangle.
+    /// The three corners of a triangle, relative to the origin.
     pub fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
         triangle.map(|index| self.vertices[index as usize])
     }
 
-    /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`; None beyond f32.
-    pub fn placed(mut self, map: ToCamera, colour: Vec3) -> Option<Faces> {
+    /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`;
+    /// None beyond f32.
+    pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
+        self.moved(map, colour).map(|moved| moved.faces)
+    }
+
+    /// As [`placed`](Self::placed), with the numbers of those that have no area.
+    pub(super) fn moved(mut self, map: ToCamera, colour: Vec3) -> Option<MovedFaces> {
         // Those after the last run are white.
         self.paint_to(self.triangles.len(), Vec3::ONE);
-        let Mesh { vertices, triangles, mut colours, .. } = self;
+        let Mesh { vertices, origin, triangles, mut colours, .. } = self;
         colours.iter_mut().for_each(|(_, of)| *of *= colour);
-        Faces::coloured(vertices, triangles, colours).moved(map).ok()
+        Faces::coloured(vertices, triangles, colours).moved(map.of_relative_to(origin)).ok()
     }
 
     /// The colour of a triangle, by its number.
@@ -207,12 +298,13 @@ impl Mesh {
         self.colours.truncate(if matches!(self.colours[..], [(_, Vec3::ONE)]) { 0 } else { usize::MAX });
     }
 
-    /// The mesh of a scene's triangles, such that [`MeshFormat::placement`] of a file in this format restores the
-    /// camera's frame. Corners that are equal bit by bit become one vertex.
+    /// The mesh of a scene's triangles, such that [`MeshFormat::placement`] of a file in this
+    /// format restores the camera's frame. Corners that are equal bit by bit become one vertex.
     pub fn of_scene(scene: &Scene, format: MeshFormat) -> Mesh {
         let mut known = HashMap::new();
         let mut mesh = Mesh::default();
-        // The placements are mirror images that exchange and negate axes: their own inverses, and exact.
+        // The placements are mirror images that exchange and negate axes: their own inverses, and
+        // exact.
         let map = format.placement().to_world().inverse();
         for triangle in scene.all_triangles() {
             let corners = triangle.vertices.map(|vertex| {

@@ -14,8 +14,8 @@ pub(super) struct List {
     pub first: usize,
 }
 
-/// The first line, before the line `end`, that begins with an item and is not a whole number of items. There is none if
-/// an item takes several lines that look deliberate.
+/// The first line, before the line `end`, that begins with an item and is not a whole number of
+/// items. There is none if an item takes several lines that look deliberate.
 pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<String> {
     let mut lines = Lines { text: text.trim_start_matches('\u{feff}'), line: 1, from: 0, at: 0 };
     let mut before = 0_usize;
@@ -42,8 +42,8 @@ pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<Str
     }
 }
 
-/// Whether an item of this many tokens takes the next lines whole, as if that were deliberate: with one token in each, or
-/// more than one in the last, since a single one looks like a count.
+/// Whether an item of this many tokens takes the next lines whole, as if that were deliberate: with
+/// one token in each, or more than one in the last, since a single one looks like a count.
 fn is_split(lines: Lines<'_>, tokens: usize) -> bool {
     let (mut sum, mut most) = (0, 0);
     for (_, of_line) in lines {

@@ -1,36 +1,48 @@
-//! Scene files by their names: the paper's format, TOML, or a mesh alone, read into the one [`Scene`].
+//! Scene files by their names: the paper's format, TOML, or a mesh alone, read into the one
+//! [`Scene`].
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use glam::Vec3;
+use glam::DVec3;
 
+use super::chunks::SharedFile;
+use super::content::{is_toml, no_scene};
 use super::diagnostic::{is_unseen, shown};
-use super::log::is_line_end;
-use super::parse::parse_with_warnings;
-use super::token::next_token;
-use super::{Camera, Faces, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, parse_toml};
+use super::mesh::ply;
+use super::parse::{parse_with_warnings, streamed};
+use super::tables::parse_with_threads;
+use super::{
+    Camera, Cloud, CloudFormat, Mesh, MeshError, MeshFormat, ModelOptions, MovedFaces, Opened, Scene, SceneError,
+    Setting, UpAxis, parse_toml,
+};
+use crate::kernels::StandardFloats;
 use crate::kernels::sys::room;
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
-/// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is read.
+/// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is
+/// read.
 pub const MAX_TOML: u64 = 32 << 20;
 /// The most that is read from a source whose length is unknown: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
 /// The message for a longer scene.
 const FOR_A_SCENE: &str = "too many for a scene";
+const TOO_MUCH_TOML: &str = "too many for TOML: put its triangles into a mesh file, which [[mesh]] names";
 const STANDARD_INPUT: &str = "-";
 
 /// The formats of scene files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SceneFormat {
-    /// The paper's.
+    /// The paper's text format, `.in`.
     In,
+    /// TOML: a world and its camera, which may contain meshes.
     Toml,
     /// A mesh, which is not a whole scene.
     Mesh(MeshFormat),
+    /// Atoms or points, which are not a whole scene either.
+    Cloud(CloudFormat),
 }
 
 impl SceneFormat {
@@ -42,20 +54,35 @@ impl SceneFormat {
         } else if extension.eq_ignore_ascii_case("toml") {
             Some(SceneFormat::Toml)
         } else {
-            MeshFormat::from_path(path).map(SceneFormat::Mesh)
+            let mesh = MeshFormat::from_path(path).map(SceneFormat::Mesh);
+            mesh.or(CloudFormat::from_path(path).map(SceneFormat::Cloud))
         }
     }
 }
 
-/// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, and the paper's format for
-/// any other name. `-` is standard input, which is TOML if its first line with content is a table or a key.
+/// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, atoms
+/// or points in `.xyz`, `.pdb` or `.cif`. With any other name, and where `-` is standard input, it
+/// is the paper's format, or TOML if its first line with content is a table or a key.
 ///
-/// `camera` is for a mesh alone, which has none: it is placed to see the whole mesh, in white, under one light.
+/// `camera` is for a mesh or a molecule alone, which has none: it is placed to see all of it, in
+/// white unless it has colours, under a light at the left above the camera and a weaker one at the
+/// camera.
 ///
 /// # Errors
-/// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
-/// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
+/// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more
+/// than 4 GiB (64 MiB for a pipe or a device, 32 MiB for TOML); otherwise what
+/// [`parse`](super::parse()), [`parse_toml`], [`Mesh::read`] or [`Cloud::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
+    open_with(path, &ModelOptions::of(*camera))
+}
+
+/// As [`open`], with what is asked of a file that has no camera, of which scenes in the paper's
+/// format and in TOML take the number of threads alone.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, options: &ModelOptions) -> Result<Opened, SceneError> {
+    let _floats = StandardFloats::set();
     let unread = |cause: io::Error| {
         let near = if cause.kind() == ErrorKind::NotFound { nearest(path) } else { None };
         let cause = near.map_or(cause, |near| io::Error::new(ErrorKind::NotFound, format!("did you mean `{near}`?")));
@@ -63,34 +90,57 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     };
     if path == Path::new(STANDARD_INPUT) {
         let source = within(io::stdin().lock(), 0, MAX_STREAM, FOR_A_SCENE).map_err(unread)?;
-        let name = "standard input";
-        let parsed = if is_toml(&source) {
-            parse_toml(&source, name, Path::new(""))
-        } else {
-            parse_with_warnings(&source, name)
-        };
-        let mut opened = parsed.map_err(|error| no_picture(error, path, &source))?;
+        let mut opened = read_by_content(path, &source, "standard input", Path::new(""))?;
         opened.files.push("/dev/stdin".into());
         return Ok(opened);
     }
     let name = path.to_string_lossy();
+    let folder = path.parent().unwrap_or(Path::new(""));
     let mut opened = match SceneFormat::from_path(path) {
         Some(SceneFormat::Toml) => {
-            let folder = path.parent().unwrap_or(Path::new(""));
-            let advice = "too many for TOML: put its triangles into a mesh file, which [[mesh]] names";
-            parse_toml(&contents_within(path, MAX_TOML, advice).map_err(unread)?, &name, folder)
+            let source = contents_within(path, MAX_TOML, TOO_MUCH_TOML).map_err(unread)?;
+            parse_with_threads(&source, &name, folder, options.threads).map_err(|error| no_scene(error, path, &source))
         }
-        Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
-        Some(SceneFormat::In) | None => {
-            let source = contents(path).map_err(unread)?;
-            parse_with_warnings(&source, &name).map_err(|error| match no_picture(error, path, &source) {
-                SceneError::Invalid { .. } if is_foreign(path, &source) => SceneError::Foreign { path: path.into() },
-                error => error,
-            })
-        }
+        Some(SceneFormat::Mesh(MeshFormat::Ply)) if has_points(path, options) => open_cloud(path, None, options),
+        Some(SceneFormat::Mesh(format)) => open_mesh(path, format, options),
+        Some(SceneFormat::Cloud(format)) => open_cloud(path, Some(format), options),
+        Some(SceneFormat::In) | None => match open_in_pieces(path, &name, options.threads) {
+            Some(opened) => Ok(opened),
+            None => {
+                let source = contents(path).map_err(unread)?;
+                // What a pipe or /dev/stdin names is relative to where the program runs.
+                let has_place = path.is_file() && !path.starts_with("/dev");
+                let folder = if has_place { folder } else { Path::new("") };
+                read_by_content(path, &source, &name, folder)
+            }
+        },
     }?;
     opened.files.push(path.to_owned());
     Ok(opened)
+}
+
+/// Reads a scene in the paper's format piece by piece; None if its whole text has to be read.
+fn open_in_pieces(path: &Path, name: &str, threads: usize) -> Option<Opened> {
+    let (file, length) = read_twice(path)?;
+    let shared = SharedFile::new(&file, threads);
+    let open = |at| shared.rest(at).map(|file| Box::new(file) as Box<dyn Read>);
+    streamed::read(&open, length, Some(shared), name)
+}
+
+/// Reads a scene whose name does not tell its format: no TOML is a scene in the paper's format.
+fn read_by_content(path: &Path, source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
+    let error = match parse_with_warnings(source, name) {
+        Ok(opened) => return Ok(opened),
+        Err(error) => no_scene(error, path, source),
+    };
+    if matches!(error, SceneError::Picture { .. } | SceneError::NamelessMesh { .. }) || !is_toml(source) {
+        return Err(error);
+    }
+    if source.len() as u64 > MAX_TOML {
+        let cause = too_large(MAX_TOML, TOO_MUCH_TOML);
+        return Err(SceneError::Read { path: path.to_owned(), cause });
+    }
+    parse_toml(source, name, folder)
 }
 
 /// A file that can be read again after a first attempt failed, and its length.
@@ -99,52 +149,8 @@ pub(super) fn read_twice(path: &Path) -> Option<(File, usize)> {
     Some((File::open(path).ok()?, metadata.len() as usize))
 }
 
-/// Whether a text without a name is TOML: its first line with content begins a table or assigns a key.
-fn is_toml(source: &[u8]) -> bool {
-    let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
-    let lines = source.split(|byte| is_line_end(*byte)).map(<[u8]>::trim_ascii);
-    let first = lines.into_iter().find(|line| !line.is_empty() && !line.starts_with(b"#"));
-    first.is_some_and(|line| line.starts_with(b"[") || !line.starts_with(b"//") && line.contains(&b'='))
-}
-
-/// The error for a file that is not a scene; for a picture, an error that says so.
-fn no_picture(error: SceneError, path: &Path, source: &[u8]) -> SceneError {
-    const BEGINNINGS: [&[u8]; 13] = [
-        b"\x89PNG",
-        b"\xff\xd8\xff",
-        b"GIF8",
-        b"II*\0",
-        b"II+\0",
-        b"MM\0*",
-        b"MM\0+",
-        b"v/1\x01",
-        b"#?R",
-        b"qoif",
-        b"P3",
-        b"P6",
-        b"PF",
-    ];
-    if BEGINNINGS.iter().any(|beginning| source.starts_with(beginning)) {
-        return SceneError::Picture { path: path.to_owned() };
-    }
-    error
-}
-
-/// Whether a file that is not a scene is not meant as one in the paper's format either: by its name, and because it
-/// does not begin with a name, a width and a height.
-fn is_foreign(path: &Path, source: &[u8]) -> bool {
-    let mut at = 0;
-    let mut token = || {
-        let token = next_token(source, at)?;
-        at = token.end;
-        Some(&source[token])
-    };
-    let begins = token().is_some() && (0..2).all(|_| token().is_some_and(|side| side.iter().all(u8::is_ascii_digit)));
-    path.extension().is_some() && SceneFormat::from_path(path).is_none() && !begins
-}
-
-/// The path that was probably meant in place of a missing one: a scene or a mesh in the same folder whose name differs
-/// in at most two letters or in its extension.
+/// The path that was probably meant in place of a missing one: a scene or a mesh in the same folder
+/// whose name differs in at most two letters or in its extension.
 pub(super) fn nearest(path: &Path) -> Option<String> {
     /// At most this many files are looked at.
     const MOST: usize = 10_000;
@@ -169,36 +175,98 @@ pub fn read(path: &Path) -> Result<Scene, SceneError> {
 }
 
 /// What a picture of the mesh in a file is called.
-pub(crate) fn picture_name(path: &Path) -> String {
+pub fn picture_name(path: &Path) -> String {
     // No picture is written under a name with unseen characters.
     format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy()).replace(is_unseen, "_")
 }
 
-fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened, SceneError> {
-    let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
+fn open_mesh(path: &Path, format: MeshFormat, options: &ModelOptions) -> Result<Opened, SceneError> {
+    let mesh = Mesh::read_with_threads(path, options.threads).map_err(SceneError::Mesh)?;
     let (mut notes, files) = (told(path, &mesh), mesh.libraries.clone());
-    let setting = Setting::of(&mesh, format, camera);
-    let scene = setting
-        .and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, picture_name(path), *camera)?)));
-    let (above, scene) = scene.ok_or_else(|| {
-        let fault = MeshError::new("the mesh is too large or too far away to be seen whole");
-        SceneError::Mesh(fault.expected("ordinary coordinates, and no extreme film or focal distance").of(path))
-    })?;
-    let up = if format == MeshFormat::Stl { "z" } else { "y" };
-    notes.push(format!(
-        "{}: a mesh alone: {up} is up, the camera sees all of it from the front, the right and above, one white light \
-         stands to the left above the camera; `rayo convert` makes a scene of it, to be changed",
-        shown(path)
-    ));
-    let warnings = no_area_of_mesh(path, &scene.faces).into_iter().collect();
-    Ok(Opened { scene, up: above, files, notes, warnings })
+    let own = Own { camera: mesh.camera.is_some(), lights: !mesh.lights.is_empty() };
+    let setting = Setting::of_mesh(&mesh, format, options).ok_or_else(|| beyond_numbers(path, "mesh"))?;
+    let placed = setting.placed(mesh).and_then(|MovedFaces { faces, without_area }| {
+        Some((setting.scene_of_faces(faces, picture_name(path))?, without_area))
+    });
+    let (scene, without_area) = placed.ok_or_else(|| beyond_numbers(path, "mesh"))?;
+    notes.push(note_of_setting("mesh", options.up.unwrap_or(format.up_axis()), own, options));
+    let warnings = no_area_of_mesh(path, &without_area).into_iter().collect();
+    Ok(Opened { scene, files, notes, carried_light: setting.fill_light, warnings })
 }
 
-/// A warning of the triangles of a mesh that have no area, which are often its seams: their number, and the first of
-/// them by their numbers in the file, from 1, where a face of more corners counts as the triangles it is cut into.
-pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
+/// Whether a PLY file is to be read as points: because it has no faces, or because they have a
+/// radius.
+pub fn has_points(path: &Path, options: &ModelOptions) -> bool {
+    let has_faces = || read_twice(path).and_then(|(file, length)| ply::has_faces(file, length));
+    options.radius.is_some() || has_faces() == Some(false)
+}
+
+/// Opens atoms or points; those without a format are of PLY.
+fn open_cloud(path: &Path, format: Option<CloudFormat>, options: &ModelOptions) -> Result<Opened, SceneError> {
+    let cloud = match format {
+        Some(_) => Cloud::read(path, options.frame),
+        None => Cloud::of_ply(path),
+    };
+    let cloud = cloud.map_err(SceneError::Mesh)?;
+    let what = if cloud.is_molecule { "molecule" } else { "cloud of points" };
+    let origin = cloud.origin;
+    let up = options.up.unwrap_or(cloud.up_axis(format));
+    let mut notes: Vec<_> = cloud.notes.iter().map(|note| format!("{}: {note}", shown(path))).collect();
+    if options.radius.is_none() && cloud.is_molecule && cloud.has_radii() {
+        notes.push(
+            "atoms have their van der Waals radii and the colours of Jmol; --radius gives all another radius".into(),
+        );
+    } else if options.radius.is_none() && !cloud.has_radii() {
+        let radius = cloud.usual_radius();
+        notes.push(format!(
+            "{}: points have no size, and are drawn with radius {radius:.3}: --radius gives another",
+            shown(path)
+        ));
+    }
+    let spheres = cloud.spheres(options.radius);
+    let setting = Setting::of_spheres(&spheres, origin, up, options).ok_or_else(|| beyond_numbers(path, what))?;
+    let scene = setting.scene_of_spheres(spheres, origin, picture_name(path));
+    let scene = scene.ok_or_else(|| beyond_numbers(path, what))?;
+    notes.push(note_of_setting(what, up, Own::default(), options));
+    Ok(Opened { scene, files: Vec::new(), notes, carried_light: setting.fill_light, warnings: Vec::new() })
+}
+
+/// The error for a file that no camera sees whole.
+fn beyond_numbers(path: &Path, what: &str) -> SceneError {
+    let fault = MeshError::new(format!("the {what} is too large or too far away to be seen whole"));
+    SceneError::Mesh(fault.expected("ordinary coordinates, and no extreme film or focal distance").of(path))
+}
+
+/// Whether a file has a camera and lights of its own.
+#[derive(Clone, Copy, Default)]
+struct Own {
+    camera: bool,
+    lights: bool,
+}
+
+/// A note of what is assumed of a file alone, as far as nothing else is asked for.
+fn note_of_setting(what: &str, up: UpAxis, own: Own, options: &ModelOptions) -> String {
+    let from = |from: DVec3| format!("{} {} {}", from.x, from.y, from.z);
+    let camera = match options.from {
+        Some(direction) => format!("the camera sees all of it from {}", from(direction)),
+        None if own.camera => "the camera is the file's first one".to_owned(),
+        None => "the camera sees all of it from the front, the right and above".to_owned(),
+    };
+    let lights = match options.lights.len() {
+        0 if own.lights => "the point lights are the file's, as strong beside each other as in the middle of it",
+        0 => "one white light is to the left above the camera",
+        1 => "one white light is where it is asked for",
+        _ => "white lights are where they are asked for",
+    };
+    let fill = if options.ambient == Some(0.0) { "" } else { ", a weak one at the camera" };
+    format!("a {what} alone: {up} is up; {camera}; {lights}{fill}; `rayo convert` makes a scene of it, to be changed")
+}
+
+/// A warning of the triangles of a mesh that have no area, which are often its seams: their number,
+/// and the first of them by their numbers in the file, from 1, where a face of more corners counts
+/// as the triangles it is cut into.
+pub(super) fn no_area_of_mesh(path: &Path, numbers: &[usize]) -> Option<String> {
     const MOST: usize = 5;
-    let numbers = mesh.without_area();
     let listed: Vec<_> = numbers.iter().take(MOST).map(|number| (number + 1).to_string()).collect();
     let (count, listed) = (numbers.len(), listed.join(", "));
     let path = shown(path);
@@ -240,8 +308,7 @@ pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Resu
 }
 
 /// The same for a text.
-#[cfg(feature = "lab")]
-pub(crate) fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
+pub fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
     String::from_utf8(contents_within(path, limit, advice)?)
         .map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
 }

@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use glam::DVec3;
-
 use super::Scene;
 use super::diagnostic::printable;
 
@@ -12,12 +10,13 @@ use super::diagnostic::printable;
 pub struct Opened {
     /// The scene.
     pub scene: Scene,
-    /// The world's up in the camera's frame: of length 1.
-    pub up: DVec3,
     /// The files that it was read from: its own, meshes, and their materials.
     pub files: Vec<PathBuf>,
     /// What was done or assumed without being asked for, a line each.
     pub notes: Vec<String>,
+    /// The index of the light that moves with the camera: of a mesh alone, the weak one at the
+    /// camera.
+    pub carried_light: Option<usize>,
     /// What is probably a mistake in the file, a line each.
     pub warnings: Vec<String>,
 }
@@ -31,7 +30,7 @@ pub(super) struct NoArea {
 
 impl NoArea {
     /// The most that are listed one by one.
-    const MOST: usize = 10;
+    pub(super) const MOST: usize = 10;
 
     /// Adds the triangle `which` of the file `name`, in this `line`.
     pub(super) fn add(&mut self, name: &str, which: &str, line: impl FnOnce() -> usize) {
@@ -42,6 +41,11 @@ impl NoArea {
         } else {
             self.more += 1;
         }
+    }
+
+    /// Adds so many further ones.
+    pub(super) fn add_more(&mut self, count: usize) {
+        self.more += count;
     }
 
     /// All of them in lines.

@@ -1,33 +1,38 @@
 //! The paper's scene format: a byte lexer, and the parser that checks each number where it stands.
 
+#[cfg(feature = "files")]
+pub(super) mod streamed;
+
 use std::fmt;
 use std::ops::Range;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::log::Log;
 use super::misfit::{List, first_misfit};
 use super::opened::{NoArea, Opened};
 use super::token::{FILM, Kind, next_token};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
+use crate::kernels::StandardFloats;
 use crate::kernels::sys::room;
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
 ///
-/// Tokens are separated by white space; `#` and `//` start a comment anywhere, in mid-token too, that runs to the end
-/// of the line (LF, CR LF or CR). A UTF-8 byte order mark is skipped. The camera's film diagonal is 1. A negative
-/// zero in an intensity or a colour becomes 0.
+/// Tokens are separated by white space; `#` and `//` start a comment anywhere, in mid-token too,
+/// that runs to the end of the line (LF, CR LF or CR). A UTF-8 byte order mark is skipped. The
+/// camera's film diagonal is 1. A negative zero in an intensity or a colour becomes 0.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] with up to 20 diagnostics: an invalid value is noted and reading goes on; an invalid count,
-/// the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of `source`, whatever
-/// the counts say, and time is linear.
+/// [`SceneError::Invalid`] with up to 20 diagnostics: an invalid value is noted and reading goes
+/// on; an invalid count, the end of the file and a byte that is not UTF-8 end it. Memory stays
+/// within a small multiple of `source`, whatever the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
     Ok(parse_with_warnings(source, name)?.scene)
 }
 
 /// As [`parse`], with a warning for each triangle that has no area.
 pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
+    let _floats = StandardFloats::set();
     let mut log = Log::new(source);
     let mut no_area = NoArea::default();
     let scene = log.text().and_then(|(text, start)| {
@@ -36,11 +41,14 @@ pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, S
         Parser { name, text, at: start, last, tokens: 0, lists: Vec::new(), announced: None, log, no_area }.scene().ok()
     });
     let scene = log.finish(scene, name)?;
-    Ok(Opened { scene, up: DVec3::Y, files: Vec::new(), notes: Vec::new(), warnings: no_area.warnings(name) })
+    Ok(Opened { scene, files: Vec::new(), notes: Vec::new(), carried_light: None, warnings: no_area.warnings(name) })
 }
 
 /// Nothing more can be read; the reason has been noted.
 struct Stop;
+
+/// The hint where a comma makes a text no number.
+pub(super) const COMMA_HELP: &str = "the decimal mark is a point, and white space alone separates numbers";
 
 /// The requirement on a number.
 #[derive(Clone, Copy)]
@@ -101,6 +109,98 @@ struct Announced {
     kind: &'static Kind,
 }
 
+/// Reads the values of a scene in the order of the format, from a whole text or from a file in
+/// pieces.
+trait Parts {
+    /// The image's width and height.
+    fn size(&mut self) -> Result<(u32, u32), Stop>;
+
+    /// A number rounded to f32.
+    fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop>;
+
+    /// The number of items of a list.
+    fn count(&mut self, kind: &'static Kind) -> Result<u64, Stop>;
+
+    /// Reads as many of the next `count` triangles as can be read by several threads.
+    fn first_triangles(&mut self, _count: u64, _triangles: &mut Vec<Triangle>) -> Result<(), Stop> {
+        Ok(())
+    }
+
+    /// The next triangle, if it is written as nearly all are and could be read at once; None if its
+    /// numbers have to be read one by one.
+    fn usual_triangle(&mut self) -> Option<Triangle> {
+        None
+    }
+
+    /// Notes that the triangle which was read last has no area.
+    fn note_no_area(&mut self, triangle: Owner) -> Result<(), Stop>;
+
+    /// Checks that the file ends here.
+    fn end(&mut self) -> Result<(), Stop>;
+}
+
+/// Reads what follows the image name.
+fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
+    let (width, height) = parts.size()?;
+    let focal = parts.number(Field { owner: None, part: "the focal distance" }, Rule::Positive)?;
+    let lights = list(parts, &LIGHTS, none_ahead, |parts, light| {
+        let intensity = parts.number(light.part("intensity"), Rule::NotNegative)?;
+        let colour = vector(parts, light, COLOUR, Rule::NotNegative)?;
+        Ok(Light { intensity, colour, position: vector(parts, light, POSITION, Rule::Any)? })
+    })?;
+    let spheres = list(parts, &SPHERES, none_ahead, |parts, sphere| {
+        let radius = parts.number(sphere.part("radius"), Rule::Positive)?;
+        let colour = vector(parts, sphere, COLOUR, Rule::NotNegative)?;
+        Ok(Sphere { radius, colour, centre: vector(parts, sphere, POSITION, Rule::Any)? })
+    })?;
+    let triangles = list(parts, &TRIANGLES, Parts::first_triangles, |parts, triangle| {
+        let item = match parts.usual_triangle() {
+            Some(item) => item,
+            None => {
+                let colour = vector(parts, triangle, COLOUR, Rule::NotNegative)?;
+                let mut vertex = |names| vector(parts, triangle, names, Rule::Any);
+                let [a, b, c] = VERTICES;
+                Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] }
+            }
+        };
+        if item.has_no_area() {
+            parts.note_no_area(triangle)?;
+        }
+        Ok(item)
+    })?;
+    parts.end()?;
+    // Mistakes of the camera have been noted above.
+    let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
+    Ok(Scene { name: name.to_owned(), lights, spheres, triangles, ..Scene::new(camera) })
+}
+
+fn vector(parts: &mut impl Parts, of: Owner, [x, y, z]: [&'static str; 3], rule: Rule) -> Result<Vec3, Stop> {
+    let mut number = |part| parts.number(of.part(part), rule);
+    Ok(Vec3::new(number(x)?, number(y)?, number(z)?))
+}
+
+/// A count and that many items, the first of which are read by `ahead`, and the others one by one.
+fn list<T, P: Parts>(
+    parts: &mut P,
+    kind: &'static Kind,
+    ahead: impl Fn(&mut P, u64, &mut Vec<T>) -> Result<(), Stop>,
+    item: impl Fn(&mut P, Owner) -> Result<T, Stop>,
+) -> Result<Vec<T>, Stop> {
+    let count = parts.count(kind)?;
+    // No more than the file's bytes can hold.
+    let mut items = room(count as usize);
+    ahead(parts, count, &mut items)?;
+    for number in items.len() as u64 + 1..=count {
+        items.push(item(parts, Owner { one: kind.one, number })?);
+    }
+    Ok(items)
+}
+
+/// Has all items of a list read one by one.
+fn none_ahead<T, P: Parts>(_: &mut P, _count: u64, _items: &mut Vec<T>) -> Result<(), Stop> {
+    Ok(())
+}
+
 impl<'a> Parser<'a, '_> {
     fn scene(mut self) -> Result<Scene, Stop> {
         let Some(name) = self.token() else {
@@ -110,7 +210,7 @@ impl<'a> Parser<'a, '_> {
             return Err(Stop);
         };
         let name = &self.text[name];
-        let scene = self.after_name(name);
+        let scene = scene(name, &mut self);
         // What may be the cause of the errors comes before them.
         if let Some(line) = self.log.first_mut().map(|first| first.line)
             && let Some(misfit) = first_misfit(self.text, &self.lists, line)
@@ -127,43 +227,6 @@ impl<'a> Parser<'a, '_> {
             first.help = Some(help.to_owned());
         }
         scene
-    }
-
-    fn after_name(&mut self, name: &str) -> Result<Scene, Stop> {
-        let width = self.side("the width")?;
-        let height = self.side("the height")?;
-        if u64::from(width) * u64::from(height) > MAX_PIXELS {
-            let message = format_args!("an image of {width} x {height} has more than {MAX_PIXELS} pixels");
-            let expected = format!("a height of at most {} for that width", MAX_PIXELS / u64::from(width));
-            self.log.note(self.last.clone(), message, &expected, None);
-        }
-        let focal = self.number(Field { owner: None, part: "the focal distance" }, Rule::Positive)?;
-        let lights = self.list(&LIGHTS, |parser, light| {
-            let intensity = parser.number(light.part("intensity"), Rule::NotNegative)?;
-            let colour = parser.vector(light, COLOUR, Rule::NotNegative)?;
-            Ok(Light { intensity, colour, position: parser.vector(light, POSITION, Rule::Any)? })
-        })?;
-        let spheres = self.list(&SPHERES, |parser, sphere| {
-            let radius = parser.number(sphere.part("radius"), Rule::Positive)?;
-            let colour = parser.vector(sphere, COLOUR, Rule::NotNegative)?;
-            Ok(Sphere { radius, colour, centre: parser.vector(sphere, POSITION, Rule::Any)? })
-        })?;
-        let triangles = self.list(&TRIANGLES, |parser, triangle| {
-            let colour = parser.vector(triangle, COLOUR, Rule::NotNegative)?;
-            let mut vertex = |names| parser.vector(triangle, names, Rule::Any);
-            let [a, b, c] = VERTICES;
-            let item = Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] };
-            if item.has_no_area() {
-                let end = parser.last.start;
-                let Parser { log, no_area, name, .. } = parser;
-                no_area.add(name, &triangle.to_string(), || log.line(end));
-            }
-            Ok(item)
-        })?;
-        self.end_of_file();
-        // Mistakes of the camera have been noted above.
-        let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
-        Ok(Scene { name: name.to_owned(), lights, spheres, triangles, ..Scene::new(camera) })
     }
 
     /// The next token's place in the text, or `None` at the end of the file.
@@ -185,7 +248,8 @@ impl<'a> Parser<'a, '_> {
         }
         let list = self.announced.as_ref().filter(|_| field.owner.is_some());
         let help = list.map(|list| format!("{list}: add what is missing or correct the count"));
-        // The place just after the last token says more than the file's last line, which may be far below it.
+        // The place just after the last token says more than the file's last line, which may be far
+        // below it.
         self.log.note(self.last.end..self.last.end, format_args!("{field} is missing"), expected, help);
         Err(Stop)
     }
@@ -203,6 +267,24 @@ impl<'a> Parser<'a, '_> {
         Ok(1)
     }
 
+    /// How many tokens are left.
+    fn remaining(&mut self) -> usize {
+        std::iter::from_fn(|| self.token()).count()
+    }
+}
+
+impl Parts for Parser<'_, '_> {
+    fn size(&mut self) -> Result<(u32, u32), Stop> {
+        let width = self.side("the width")?;
+        let height = self.side("the height")?;
+        if u64::from(width) * u64::from(height) > MAX_PIXELS {
+            let message = format_args!("an image of {width} x {height} has more than {MAX_PIXELS} pixels");
+            let expected = format!("a height of at most {} for that width", MAX_PIXELS / u64::from(width));
+            self.log.note(self.last.clone(), message, &expected, None);
+        }
+        Ok((width, height))
+    }
+
     /// A number rounded to f32; an invalid one is replaced by 1.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
         let token = self.wanted(field, rule.expected())?;
@@ -211,26 +293,6 @@ impl<'a> Parser<'a, '_> {
             self.log.note(self.last.clone(), format_args!("{field} {what}"), rule.expected(), help);
             Ok(1.0)
         })
-    }
-
-    fn vector(&mut self, of: Owner, [x, y, z]: [&'static str; 3], rule: Rule) -> Result<Vec3, Stop> {
-        let mut number = |part| self.number(of.part(part), rule);
-        Ok(Vec3::new(number(x)?, number(y)?, number(z)?))
-    }
-
-    /// A count and that many items.
-    fn list<T>(
-        &mut self,
-        kind: &'static Kind,
-        item: impl Fn(&mut Self, Owner) -> Result<T, Stop>,
-    ) -> Result<Vec<T>, Stop> {
-        let count = self.count(kind)?;
-        // No more than the file's bytes can hold.
-        let mut items = room(count as usize);
-        for number in 1..=count {
-            items.push(item(self, Owner { one: kind.one, number })?);
-        }
-        Ok(items)
     }
 
     fn count(&mut self, kind: &'static Kind) -> Result<u64, Stop> {
@@ -258,18 +320,20 @@ impl<'a> Parser<'a, '_> {
         Err(Stop)
     }
 
+    fn note_no_area(&mut self, triangle: Owner) -> Result<(), Stop> {
+        let Parser { log, no_area, name, last, .. } = self;
+        no_area.add(name, &triangle.to_string(), || log.line(last.start));
+        Ok(())
+    }
+
     /// Notes anything after the last triangle.
-    fn end_of_file(&mut self) {
-        let Some(token) = self.token() else { return };
+    fn end(&mut self) -> Result<(), Stop> {
+        let Some(token) = self.token() else { return Ok(()) };
         let extra = 1 + self.remaining();
         let these = if extra == 1 { "this token" } else { &format!("the {extra} tokens from here on") };
         let help = self.announced.as_ref().map(|list| format!("{list}: correct the count or remove {these}"));
         self.log.note(token, format_args!("the scene is complete here, and more follows"), "the end of the file", help);
-    }
-
-    /// How many tokens are left.
-    fn remaining(&mut self) -> usize {
-        std::iter::from_fn(|| self.token()).count()
+        Ok(())
     }
 }
 
@@ -287,10 +351,10 @@ impl Rule {
         let problem = |what, help| Err(Problem { what, help });
         let Ok(number) = token.parse::<f32>() else {
             let comma = token.contains(',');
-            let help = "the decimal mark is a point, and white space alone separates numbers";
-            return problem("is not a number", comma.then_some(help));
+            return problem("is not a number", comma.then_some(COMMA_HELP));
         };
-        // `parse` accepts the words nan, inf and infinity, and returns infinity for numbers that are too large.
+        // `parse` accepts the words nan, inf and infinity, and returns infinity for numbers that
+        // are too large.
         let word = !token.bytes().any(|byte| byte.is_ascii_digit());
         let zero = number == 0.0;
         match self {
@@ -317,7 +381,8 @@ fn vanished(token: &str) -> bool {
     token.bytes().take_while(|byte| !byte.eq_ignore_ascii_case(&b'e')).any(|byte| matches!(byte, b'1'..=b'9'))
 }
 
-/// An integer of at least 0, at most `u64::MAX`, which is beyond all limits; or what is wrong with it.
+/// An integer of at least 0, at most `u64::MAX`, which is beyond all limits; or what is wrong with
+/// it.
 fn whole(token: &str) -> Result<u64, &'static str> {
     let digits = token.strip_prefix(['+', '-']).unwrap_or(token);
     if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {

@@ -2,10 +2,17 @@
 
 use std::io::{self, BufRead, ErrorKind, Read};
 
-/// The size of a piece, which stays in a core's caches. Getting memory for a whole file takes longer than filling it.
+use memchr::memchr;
+
+/// The size of a piece, which stays in a core's caches. Getting memory for a whole file takes
+/// longer than filling it.
 const PIECE: usize = 128 << 10;
 /// At least this much is at hand before the end: the most that is read at once.
 const LONGEST: usize = 16 << 10;
+
+/// The system has not given the bytes of a file.
+#[derive(Debug)]
+pub(super) struct ReadFailed;
 
 /// A file, and its piece in memory.
 pub(super) struct Pieces<R> {
@@ -48,6 +55,28 @@ impl<R: Read> Pieces<R> {
     /// The bytes at hand.
     pub(super) fn rest(&self) -> &[u8] {
         &self.bytes[self.at..]
+    }
+
+    /// The next line, without the bytes that end it; None at the end of the file. A line of any
+    /// length is at hand as a whole.
+    pub(super) fn line(&mut self) -> Result<Option<&[u8]>, ReadFailed> {
+        let mut searched = 0;
+        let length = loop {
+            self.fill().ok_or(ReadFailed)?;
+            let rest = self.rest();
+            if let Some(at) = memchr(b'\n', &rest[searched..]) {
+                break searched + at + 1;
+            } else if self.ended {
+                break rest.len();
+            }
+            searched = rest.len();
+            self.lengthen().ok_or(ReadFailed)?;
+        };
+        let line = &self.bytes[self.at..self.at + length];
+        self.at += length;
+        let line = line.strip_suffix(b"\n").unwrap_or(line);
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        Ok((length > 0).then_some(line))
     }
 
     /// Marks all bytes at hand as read, except the last `left`.

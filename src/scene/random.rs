@@ -6,7 +6,8 @@ use glam::Vec3;
 
 use super::{Camera, Light, Scene, Sphere, Triangle};
 
-/// SplitMix64 (Steele, Lea and Flood, 2014): a counter in steps of the golden ratio, and a mixing function.
+/// SplitMix64 (Steele, Lea and Flood, 2014): a counter in steps of the golden ratio, and a mixing
+/// function.
 ///
 /// Not for secrets. The sequence of a seed never changes.
 #[derive(Clone, Debug)]
@@ -40,17 +41,37 @@ impl Rng {
     }
 }
 
+#[cfg(all(test, feature = "files"))]
+impl Rng {
+    /// Changes a text at one place: inserts one of these pieces, replaces a byte by one, or removes
+    /// up to three bytes.
+    pub(crate) fn change(&mut self, text: &mut Vec<u8>, pieces: &[&[u8]]) {
+        if text.is_empty() {
+            return;
+        }
+        let at = (self.next_u64() % text.len() as u64) as usize;
+        let piece = pieces[(self.next_u64() % pieces.len() as u64) as usize].iter().copied();
+        match self.next_u64() % 3 {
+            0 => drop(text.splice(at..at, piece)),
+            1 => drop(text.splice(at..=at, piece)),
+            _ => drop(text.drain(at..(at + 3).min(text.len()))),
+        }
+    }
+}
+
 /// The share of the picture that the objects would cover if none hid another.
 const COVER: f32 = 0.55;
 /// The depths between which the objects lie.
 const DEPTHS: (f32, f32) = (20.0, 60.0);
-/// Half of what a film of diagonal 1 sees at depth 1 in an image of 4:3: width and height are 0.8 and 0.6.
+/// Half of what a film of diagonal 1 sees at depth 1 in an image of 4:3: width and height are 0.8
+/// and 0.6.
 const HALF_VIEW: (f32, f32) = (0.4, 0.3);
 
-/// A scene of small spheres and triangles, spread over the whole picture at different depths and in different sizes,
-/// under two lights; 640 x 480 pixels, focal distance 1, film 1.
+/// A scene of small spheres and triangles, spread over the whole picture at different depths and in
+/// different sizes, under two lights; 640 x 480 pixels, focal distance 1, film 1.
 ///
-/// All numbers have at most three decimals. The same arguments give the same scene on every machine.
+/// All numbers have at most three decimals. The same arguments give the same scene on every
+/// machine.
 pub fn many(spheres: usize, triangles: usize, seed: u64) -> Scene {
     let mut rng = Rng::new(seed);
     let mut spots = Spots::new(&mut rng, spheres.saturating_add(triangles));
@@ -77,8 +98,9 @@ struct Spot {
     colour: Vec3,
 }
 
-/// A sequence of places that fills the picture evenly: each step is an irrational share of the width and of the height.
-/// Those of Roberts' R₂ sequence, 1/g and 1/g² with g³ = g + 1, leave the fewest gaps.
+/// A sequence of places that fills the picture evenly: each step is an irrational share of the
+/// width and of the height. Those of Roberts' R₂ sequence, 1/g and 1/g² with g³ = g + 1, leave the
+/// fewest gaps.
 struct Spots {
     across: f32,
     up: f32,
@@ -133,7 +155,7 @@ impl Spot {
 }
 
 /// A unit vector in the plane: a point of the unit disc, put on its rim.
-pub(super) fn direction(rng: &mut Rng) -> (f32, f32) {
+pub fn direction(rng: &mut Rng) -> (f32, f32) {
     loop {
         let (x, y) = (rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
         let length = (x * x + y * y).sqrt();

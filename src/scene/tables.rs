@@ -1,4 +1,5 @@
-//! Scene files in TOML: a world and its camera, checked key by key, transformed to the camera's frame.
+//! Scene files in TOML: a world and its camera, checked key by key, transformed to the camera's
+//! frame.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -13,29 +14,45 @@ use super::open::no_area_of_mesh;
 use super::opened::NoArea;
 use super::parse::{Problem, Rule};
 use super::view::{ToCamera, View, ViewError};
-use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
+use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, MovedFaces, Opened, Scene, SceneError, Sphere, Triangle};
+use crate::kernels::StandardFloats;
 use crate::reference::geometry;
 
 /// The default focal distance and diagonal of the film: those of Algorithm 1.
 const FOCAL: f32 = 1.0;
 const FILM: f32 = 1.0;
 
-/// Reads a scene in TOML; diagnostics call the file `name`, and mesh files are relative to `folder`.
+/// Reads a scene in TOML; diagnostics call the file `name`, and mesh files are relative to
+/// `folder`.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] with up to 20 diagnostics; mesh files are read only if the text has no errors. Memory stays
-/// within a multiple of `source` and of the mesh files, and time is linear.
+/// [`SceneError::Invalid`] with up to 20 diagnostics; mesh files are read only if the text has no
+/// errors. Memory stays within a multiple of `source` and of the mesh files, and time is linear.
 pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
+    parse_with_threads(source, name, folder, 1)
+}
+
+/// As [`parse_toml`], where up to this many threads read each mesh.
+pub(super) fn parse_with_threads(
+    source: &[u8],
+    name: &str,
+    folder: &Path,
+    threads: usize,
+) -> Result<Opened, SceneError> {
+    let _floats = StandardFloats::set();
     let mut log = Log::new(source);
     let Some((text, start)) = log.text() else { return log.finish(None, name) };
-    let mut reader = Reader { start, notes: Vec::new(), folder, no_area: Vec::new() };
+    let mut reader = Reader { start, notes: Vec::new(), folder, threads, no_area: Vec::new() };
     let (table, errors) = DeTable::parse_recoverable(&text[start..]);
     // After the first mistake of the text itself, others are often its consequences.
     let opened = match errors.iter().min_by_key(|error| error.span().map_or(usize::MAX, |span| span.start)) {
         Some(error) => {
             let (message, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), "TOML"));
             let end = text.len() - start;
-            reader.note(visible(&text[start..], error.span().unwrap_or(end..end)), message, expected);
+            let place = visible(&text[start..], error.span().unwrap_or(end..end));
+            let help = help_on_escapes(&text[start..], &place, message);
+            reader.note(place.clone(), message, expected);
+            reader.help(help.or_else(|| help_on_comma(&text[start..], &place)));
             None
         }
         None => reader.scene(table.get_ref(), name),
@@ -54,8 +71,29 @@ pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, Sc
     Ok(opened)
 }
 
-/// A place with something to be shown: if the error is between two words, the next one of the line, else the one
-/// before.
+/// Help where a backslash in a path, as Windows writes them, begins an escape that does not exist.
+fn help_on_escapes(text: &str, place: &Range<usize>, message: &str) -> Option<String> {
+    let line_start = text[..place.start].rfind('\n').map_or(0, |at| at + 1);
+    let is_of_escape = ["escape", "hex", "unicode"].iter().any(|word| message.contains(word));
+    (is_of_escape && text[line_start..place.start].contains('\\')).then(|| ON_BACKSLASHES.to_owned())
+}
+
+const ON_BACKSLASHES: &str = "in double quotes a backslash begins an escape, such as \\t for a tab: write the path with / or \
+                              in 'single quotes'";
+
+/// The hint where a comma stands in a number.
+const DECIMAL_MARK: &str = "the decimal mark is a point: 0.5 in place of 0,5";
+
+/// Help where a place begins with a comma between two digits.
+fn help_on_comma(text: &str, span: &Range<usize>) -> Option<String> {
+    let is_digit = |byte: Option<&u8>| byte.is_some_and(u8::is_ascii_digit);
+    let (before, after) = text.as_bytes().split_at(span.start);
+    let is_in_number = is_digit(before.last()) && after.first() == Some(&b',') && is_digit(after.get(1));
+    is_in_number.then(|| DECIMAL_MARK.to_owned())
+}
+
+/// A place with something to be shown: if the error is between two words, the next one of the line,
+/// else the one before.
 fn visible(text: &str, span: Range<usize>) -> Range<usize> {
     let after = text.get(span.start..).unwrap_or_default();
     if !span.is_empty() || after.trim_ascii().is_empty() {
@@ -85,6 +123,8 @@ struct Reader<'a> {
     /// Triangles that have no area: their places, and their names.
     no_area: Vec<(usize, String)>,
     folder: &'a Path,
+    /// How many threads may read a mesh.
+    threads: usize,
 }
 
 /// A table with known keys.
@@ -138,7 +178,7 @@ impl Reader<'_> {
         let root = Fields { owner: "the scene".into(), table: root, span: 0..0 };
         self.known(&root, &["image", "camera", "light", "sphere", "triangle", "mesh"]);
         let (file, width, height, shadows) = self.image(&root, name);
-        let (focal, film, to_camera, up) = self.camera(&root);
+        let (focal, film, to_camera, view) = self.camera(&root);
 
         let mut lights = Vec::new();
         for fields in self.list(&root, "light", &["position", "colour", "intensity"]) {
@@ -178,12 +218,12 @@ impl Reader<'_> {
         for fields in self.list(&root, "mesh", &["file", "colour", "scale", "rotate", "translate"]) {
             let colour = self.colour(&fields);
             let placement = self.placement(&fields);
-            let file = self.text(&fields, "file", "the name of a mesh file: .obj, .ply or .stl");
+            let file = self.text(&fields, "file", "the name of a mesh file: .obj, .ply, .stl, .glb or .gltf");
             if let Some(file) = file.filter(|_| self.notes.is_empty()) {
                 let map = to_camera.of_placed(&placement);
-                let placed = self.mesh(&fields, file, map, colour, (&mut told, &mut files)).unwrap_or_default();
-                warnings.extend(no_area_of_mesh(&self.folder.join(file), &placed));
-                if !faces.append(placed) {
+                let Some(moved) = self.mesh(&fields, file, map, colour, (&mut told, &mut files)) else { continue };
+                warnings.extend(no_area_of_mesh(&self.mesh_path(file), &moved.without_area));
+                if !faces.append(moved.faces) {
                     let message = format!("{} and those before it have too many vertices", fields.owner);
                     self.note(fields.span.clone(), &message, &format!("at most {}", Faces::MOST_VERTICES));
                 }
@@ -194,8 +234,8 @@ impl Reader<'_> {
         }
         // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
-        let scene = Scene { name: file, camera, lights, spheres, triangles, faces, shadows };
-        Some(Opened { scene, up, files, notes: told, warnings })
+        let scene = Scene { name: file, camera, lights, spheres, triangles, faces, shadows, view };
+        Some(Opened { scene, files, notes: told, carried_light: None, warnings })
     }
 
     /// The file name, the width and the height of the picture, and whether it has shadows.
@@ -221,11 +261,12 @@ impl Reader<'_> {
         (file, width, height, self.is_set(&fields, "shadows"))
     }
 
-    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and its up there.
-    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera, DVec3) {
+    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and
+    /// the view that it is of.
+    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera, View) {
         let keys = ["focal", "film", "position", "look_at", "up"];
         let Some(fields) = self.table(root, "camera", "the camera", &keys) else {
-            return (FOCAL, FILM, ToCamera::IDENTITY, DVec3::Y);
+            return (FOCAL, FILM, ToCamera::IDENTITY, View::default());
         };
         let focal = self.number_or(&fields, "focal", Rule::Positive, FOCAL);
         let film = self.number_or(&fields, "film", Rule::Positive, FILM);
@@ -235,7 +276,7 @@ impl Reader<'_> {
         let look_at = self.point(&fields, "look_at", Rule::Any).map_or(position + at_rest.look_at, double);
         let up = self.point(&fields, "up", Rule::Any).map_or(at_rest.up, double);
         if self.notes.len() > before {
-            return (focal, film, ToCamera::IDENTITY, DVec3::Y);
+            return (focal, film, ToCamera::IDENTITY, View::default());
         }
         let view = View { position, look_at, up };
         let map = view.to_camera().unwrap_or_else(|why| {
@@ -249,7 +290,7 @@ impl Reader<'_> {
             self.note(fields.span(key), &why.to_string(), expected);
             ToCamera::IDENTITY
         });
-        (focal, film, map, view.up().unwrap_or(DVec3::Y))
+        (focal, film, map, view)
     }
 
     fn placement(&mut self, fields: &Fields<'_>) -> Placement {
@@ -269,6 +310,13 @@ impl Reader<'_> {
         Placement { scale, rotate, translate }
     }
 
+    /// The path of a mesh file. As Windows writes it, it may have backslashes, which are read as
+    /// slashes on other systems unless there is a file of just that name.
+    fn mesh_path(&self, file: &str) -> PathBuf {
+        let path = self.folder.join(file);
+        if path.exists() { path } else { self.folder.join(file.replace('\\', "/")) }
+    }
+
     /// The triangles of a mesh file in the camera's frame.
     fn mesh(
         &mut self,
@@ -277,26 +325,27 @@ impl Reader<'_> {
         map: ToCamera,
         colour: Vec3,
         (told, files): (&mut Vec<String>, &mut Vec<PathBuf>),
-    ) -> Option<Faces> {
-        let path = self.folder.join(file);
-        let mesh = match Mesh::read(&path) {
+    ) -> Option<MovedFaces> {
+        let path = self.mesh_path(file);
+        let mesh = match Mesh::read_with_threads(&path, self.threads) {
             Ok(mesh) => mesh,
             Err(error) => {
                 let expected = error.expected.clone().unwrap_or("a mesh that can be read".into());
                 let message = super::mesh::MeshError { expected: None, ..error }.to_string();
                 self.note(fields.span("file"), &message, &expected);
+                self.help(file.contains(char::is_control).then(|| ON_BACKSLASHES.to_owned()));
                 return None;
             }
         };
         told.extend(super::open::told(&path, &mesh));
         files.extend_from_slice(&mesh.libraries);
         files.push(path);
-        let placed = mesh.placed(map, colour);
-        if placed.is_none() {
+        let moved = mesh.moved(map, colour);
+        if moved.is_none() {
             let message = format!("{} leaves the range of f32 where it is put", fields.owner);
             self.note(fields.span.clone(), &message, "coordinates within 3.4e38");
         }
-        placed
+        moved
     }
 
     fn vertices(&mut self, fields: &Fields<'_>) -> [Point; 3] {
@@ -381,8 +430,8 @@ impl Reader<'_> {
             let message = format!("{} has no key `{}`", fields.owner, super::diagnostic::brief(word));
             let near = keys.iter().map(|known| (strsim::damerau_levenshtein(known, word), known)).min();
             self.note(key.span(), &message, &one_of(keys));
-            if let (Some((1 | 2, known)), Some(note)) = (near, self.notes.last_mut()) {
-                note.help = Some(format!("did you mean `{known}`?"));
+            if let Some((1 | 2, known)) = near {
+                self.help(Some(format!("did you mean `{known}`?")));
             }
         }
     }
@@ -458,6 +507,7 @@ impl Reader<'_> {
         };
         let Some([x, y, z]) = array.get(..) else {
             self.note(value.span(), &format!("{name} has {} of its three numbers", array.len()), expected);
+            self.help((array.len() > 3).then(|| DECIMAL_MARK.to_owned()));
             return None;
         };
         let parts = if matches!(rule, Rule::NotNegative) { ["red", "green", "blue"] } else { ["x", "y", "z"] };
@@ -482,9 +532,7 @@ impl Reader<'_> {
             Ok(single) => Some(Number { single, double: token.parse().unwrap_or(single.into()) }),
             Err(Problem { what, help }) => {
                 self.note(value.span(), &format!("{name} {what}"), rule.expected());
-                if let (Some(help), Some(note)) = (help, self.notes.last_mut()) {
-                    note.help = Some(help.to_owned());
-                }
+                self.help(help.map(str::to_owned));
                 None
             }
         }
@@ -499,6 +547,13 @@ impl Reader<'_> {
         let span = span.start + self.start..span.end + self.start;
         self.notes.push(Note { span, message: message.into(), expected: expected.into(), help: None });
     }
+
+    /// Adds help, where there is some, to the last note.
+    fn help(&mut self, help: Option<String>) {
+        if let (Some(_), Some(note)) = (&help, self.notes.last_mut()) {
+            note.help = help;
+        }
+    }
 }
 
 fn kind(value: &DeValue<'_>) -> &'static str {
@@ -507,7 +562,10 @@ fn kind(value: &DeValue<'_>) -> &'static str {
         DeValue::Integer(_) | DeValue::Float(_) => "a number",
         DeValue::Boolean(_) => "true or false",
         DeValue::Datetime(_) => "a date or a time",
-        DeValue::Array(_) => "an array of something else",
+        DeValue::Array(array) => match array.first().map(|first| first.get_ref()) {
+            Some(DeValue::Table(_)) => "an array of tables",
+            _ => "an array of something else",
+        },
         DeValue::Table(_) => "a table",
     }
 }

@@ -1,11 +1,14 @@
-//! Where the camera stands in the world or moves, the transformation to its frame, and a camera that frames a mesh.
+//! Where the camera stands in the world or moves, the transformation to its frame, and a camera
+//! that frames a mesh.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
-use super::mesh::{Mesh, MeshFormat, Placement};
-use super::{Camera, Light, Scene};
+use super::mesh::Placement;
+use super::{Camera, PlainArea, Scene};
+use crate::kernels::StandardFloats;
 
-/// A camera's place in the world, whose axes are the paper's: at rest x points to the right, y up, and z away.
+/// A camera's place in the world, whose axes are the paper's: at rest x points to the right, y up,
+/// and z away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Where the pinhole is.
@@ -16,14 +19,15 @@ pub struct View {
     pub up: DVec3,
 }
 
-/// The map from a world, or from what is placed in it, to the camera's frame: p becomes `linear` (p - `position`).
+/// The map from a world, or from what is placed in it, to the camera's frame: p becomes `linear` (p
+/// - `position`).
 ///
-/// What is near to the camera keeps its digits however far both are from the origin: the difference is rounded once, by 2^-53 of
-/// itself at most, and its product with a rotation by some 2^-51 of its length; a translation of `linear` times `position` would be
-/// rounded by 2^-53 of that.
+/// What is near to the camera keeps its digits however far both are from the origin: the difference
+/// is rounded once, by 2^-53 of itself at most, and its product with a rotation by some 2^-51 of
+/// its length; a translation of `linear` times `position` would be rounded by 2^-53 of that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToCamera {
-    linear: DMat3,
+    pub(super) linear: DMat3,
     position: DVec3,
 }
 
@@ -34,6 +38,27 @@ impl ToCamera {
     /// The place of a point, seen from the camera.
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.linear * (point - self.position)
+    }
+
+    /// The map to this camera from the frame of another one, whose own map is `other`.
+    fn after_frame_of(&self, other: &ToCamera) -> ToCamera {
+        if self == other {
+            // Nothing moves, and nothing is rounded.
+            return ToCamera::IDENTITY;
+        }
+        let linear = self.linear * other.linear.transpose();
+        ToCamera { linear, position: other.linear * (self.position - other.position) }
+    }
+
+    /// The map from points relative to an origin, which is itself mapped by this one.
+    pub(super) fn of_relative_to(&self, origin: DVec3) -> ToCamera {
+        ToCamera { position: self.position - origin, ..*self }
+    }
+
+    /// The test of triangles that have an area before and after they are moved.
+    pub(super) fn plain_area(&self) -> PlainArea {
+        let DMat3 { x_axis, y_axis, z_axis } = self.linear;
+        PlainArea::after_move([x_axis, y_axis, z_axis].map(DVec3::length), self.position.length())
     }
 
     /// The map from what is placed in the world so.
@@ -52,10 +77,11 @@ pub enum ViewError {
     /// It looks at where it is, or the distance is beyond numbers.
     #[error("the camera looks at where it stands, which is no direction")]
     Direction,
-    /// Up is nothing, or the direction of view.
-    #[error("the camera's up is the direction of its view, or nothing")]
+    /// Up is zero, or parallel to the view.
+    #[error("the camera's up is parallel to its view, or zero")]
     Up,
-    /// Whose place has no number: "sphere 2's centre", counted from 1 in the scene's order.
+    /// A point leaves the range of f32, seen from the camera: whose, such as "sphere 2's centre",
+    /// counted from 1 in the scene's order.
     #[error("{0} leaves the range of f32, seen from the camera")]
     Range(String),
 }
@@ -71,8 +97,10 @@ impl View {
     /// The map from the world to the camera's frame.
     ///
     /// # Errors
-    /// Where there is no direction to look in, or `up` does not tell which way is up in the picture.
+    /// Where there is no direction to look in, or `up` does not tell which way is up in the
+    /// picture.
     pub fn to_camera(self) -> Result<ToCamera, ViewError> {
+        let _floats = StandardFloats::set();
         let forward = (self.look_at - self.position).try_normalize().ok_or(ViewError::Direction)?;
         let up = self.up.try_normalize().ok_or(ViewError::Up)?;
         // An angle of less than about 1e-6 would leave little of the direction to the right.
@@ -81,55 +109,101 @@ impl View {
         Ok(ToCamera { linear: rows, position: self.position })
     }
 
-    /// What is `up`, seen from the camera: of length 1.
-    #[cfg(feature = "files")]
-    pub(super) fn up(self) -> Option<DVec3> {
-        Some(self.to_camera().ok()?.linear * self.up.try_normalize()?)
+    /// The view after an orbit by `part` of a turn to the right, about the world's up, around the
+    /// point in the middle of the picture at this depth.
+    ///
+    /// # Errors
+    /// If there is nothing to be seen from this view.
+    pub fn orbit(self, depth: f64, part: f64) -> Result<View, ViewError> {
+        let _floats = StandardFloats::set();
+        let to_camera = self.to_camera()?;
+        let up = to_camera.linear * self.up.normalize();
+        let middle = DVec3::Z * depth;
+        let turn = DQuat::from_axis_angle(up, -std::f64::consts::TAU * part);
+        let position = middle - turn * middle;
+        if position == DVec3::ZERO {
+            return Ok(self);
+        }
+        // As long as the way there, in whatever unit: a step of 1 would be lost in the digits of a
+        // place far away.
+        let look_at = position + turn * DVec3::Z * position.length();
+        let to_world = to_camera.linear.transpose();
+        let point_in_world = |point: DVec3| to_world * point + self.position;
+        Ok(View {
+            position: point_in_world(position),
+            look_at: point_in_world(look_at),
+            up: to_world * (turn * DVec3::Y),
+        })
     }
 
-    /// A view of points from the front, the right and above, as near as `camera` sees all of them with some room around;
-    /// `to_world` is their map to the world.
-    fn framing(points: &[Vec3], to_world: DAffine3, camera: &Camera) -> View {
-        /// So many points, which are neighbours in most meshes, have a box of their own.
+    /// A view of items from the direction `eye` in the world, as near as `camera` sees all of them
+    /// with some room around. `ball` is the place of an item and a radius around it, and `to_world`
+    /// the map of places to the world, which keeps lengths. From straight above or below, what is
+    /// further away is up.
+    pub(super) fn framing<T>(
+        items: &[T],
+        ball: impl Fn(&T) -> (Vec3, f32),
+        to_world: DAffine3,
+        camera: &Camera,
+        eye: DVec3,
+    ) -> View {
+        /// So many items, which are neighbours in most files, have a box of their own.
         const TOGETHER: usize = 64;
-        let up = DVec3::Y;
-        let eye = DVec3::new(0.55, 0.5, -1.0).normalize();
-        let around = View { position: eye, look_at: DVec3::ZERO, up };
-        let turn = around.to_camera().expect("a view from the front").linear;
-        let turned = |point: &Vec3| turn * to_world.transform_point3(point.as_dvec3());
+        let from = |up: DVec3| View { position: eye, look_at: DVec3::ZERO, up };
+        let around = [from(DVec3::Y), from(DVec3::Z)].into_iter().find(|view| view.to_camera().is_ok());
+        let around = around.expect("a direction is across one of two axes");
+        let turn = around.to_camera().expect("it was looked for").linear;
+        let turned = |item: &T| {
+            let (place, radius) = ball(item);
+            (turn * to_world.transform_point3(place.as_dvec3()), f64::from(radius))
+        };
         let nowhere = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let both = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
-        let box_of = |points: &[Vec3]| points.iter().map(turned).fold(nowhere, |all, point| both(all, (point, point)));
-        let boxes: Vec<_> = points.chunks(TOGETHER).map(box_of).collect();
+        let box_of = |items: &[T]| {
+            let balls = items.iter().map(turned);
+            balls.fold(nowhere, |all, (place, radius)| both(all, (place - radius, place + radius)))
+        };
+        let boxes: Vec<_> = items.chunks(TOGETHER).map(box_of).collect();
         let (low, high) = boxes.iter().copied().fold(nowhere, both);
         let middle = (low + high) / 2.0;
         let grid = camera.grid::<f64>();
-        // Within the share ROOM of the film: |x| f / (z + distance) <= ROOM w for each point.
+        // Within the share ROOM of the film: |x| f / (z + distance) <= ROOM w for each point, and
+        // for a ball a plane through the pinhole and the edge of that share of the film stays a
+        // radius away.
         const ROOM: f64 = 0.9;
-        let needed = |across: f64, half: f64, z: f64| across * grid.focal / (ROOM * half) - z;
-        let needed = |x: f64, y: f64, z: f64| needed(x, grid.half_width, z).max(needed(y, grid.half_height, z));
+        let needed = |across: f64, half: f64, z: f64, radius: f64| {
+            let half = ROOM * half;
+            (across * grid.focal + radius * grid.focal.hypot(half)) / half - z
+        };
+        let needed = |place: DVec3, radius: f64| {
+            let wide = needed(place.x.abs(), grid.half_width, place.z, radius);
+            wide.max(needed(place.y.abs(), grid.half_height, place.z, radius))
+        };
         let mut distance = 0.0;
-        for (points, (low, high)) in points.chunks(TOGETHER).zip(boxes) {
+        for (items, (low, high)) in items.chunks(TOGETHER).zip(boxes) {
             let (low, high) = (low - middle, high - middle);
             let furthest = low.abs().max(high.abs());
-            // No point of the box needs more.
-            if needed(furthest.x, furthest.y, low.z) > distance {
-                let points = points.iter().map(|point| turned(point) - middle);
-                distance = points.map(|p| needed(p.x.abs(), p.y.abs(), p.z)).fold(distance, f64::max);
+            // No item of the box needs more.
+            if needed(furthest.with_z(low.z), 0.0) > distance {
+                let balls = items.iter().map(turned);
+                distance = balls.map(|(place, radius)| needed(place - middle, radius)).fold(distance, f64::max);
             }
         }
-        // A mesh as thin as the direction of view has no size across; it is kept in front all the same.
+        // A mesh as thin as the direction of view has no size across; it is kept in front all the
+        // same.
         let depth = (high.z - low.z) / 2.0;
         let distance = distance.max(1.01 * depth);
         let distance = if distance > 0.0 { distance } else { 1.0 };
         let centre = turn.transpose() * middle;
-        View { position: centre + eye * distance, look_at: centre, up }
+        View { position: centre + eye * distance, look_at: centre, up: around.up }
     }
 }
 
 impl Scene {
-    /// What this scene, taken for a world, is to a camera that stands in it: the scene in the camera's frame, which is what
-    /// engines trace. Every point is moved in f64 and rounded once; the default view changes nothing.
+    /// The scene as a camera sees it that stands elsewhere in the same world. Every point is moved
+    /// in f64 from the frame of this scene's own [`view`](Scene::view) to that of the new one, and
+    /// rounded once; its own view changes nothing. A scene that is made in code, with the default
+    /// view, is its own world.
     ///
     /// A camera that moves sees the same world from one view after the other:
     ///
@@ -162,7 +236,7 @@ impl Scene {
     /// [`MovingCamera`] does the same again and again, and sooner.
     ///
     /// # Errors
-    /// As [`View::to_camera`], and where a point leaves the range of f32.
+    /// If there is nothing to be seen from either view, and where a point leaves the range of f32.
     pub fn seen_from(&self, view: View) -> Result<Scene, ViewError> {
         let mut camera = MovingCamera::of(self);
         camera.seen_from(view)?;
@@ -170,9 +244,34 @@ impl Scene {
     }
 }
 
-/// A world as a camera that moves sees it: what every view gives is put where the one before it was.
+/// A world as a camera that moves sees it: what every view gives is put where the one before it
+/// was. It gives what [`Scene::seen_from`] does, and takes no new memory for it.
 ///
-/// `examples/moving_camera.rs` goes round a mesh of a million triangles.
+/// ```
+/// use rayo::glam::{DVec3, Vec3};
+/// use rayo::{Camera, Engine, Film, Frame, MovingCamera, PixelFormat, Plan, Purpose, Scene, Settings, Sphere, View};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let ball = Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::ZERO };
+/// let world = Scene { spheres: vec![ball], ..Scene::new(Camera::new(64, 48, 1.0, 1.0)?) };
+/// let (format, threads) = (PixelFormat::Rgba8, 2);
+/// let mut film = Film::new(format, world.camera.pixels() as usize)?;
+/// let mut camera = MovingCamera::of(&world);
+/// for step in 0..3 {
+///     let position = DVec3::new(f64::from(step), 1.0, -5.0);
+///     let scene = camera.seen_from(View { position, look_at: DVec3::ZERO, up: DVec3::Y })?;
+///     // What to cull depends on where the camera is.
+///     let purpose = Purpose { format: Some(format), threads, ..Purpose::default() };
+///     let plan = Plan::new(Engine::fastest(), scene, purpose)?;
+///     let frame = Frame::new(plan.tracer(), scene.camera, Settings { threads })?;
+///     frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {})?;
+///     assert!(frame.hit(32, 24).is_some(), "the ball is in the middle of every picture");
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
+/// `examples/moving_camera.rs` goes round a mesh of a million triangles, and measures it.
 pub struct MovingCamera<'a> {
     world: &'a Scene,
     seen: Scene,
@@ -180,11 +279,14 @@ pub struct MovingCamera<'a> {
     flat: (Vec<usize>, Vec<usize>),
     /// The largest of all coordinates, or infinity where one is no number.
     furthest: f32,
+    /// The light that goes with the camera, by its index.
+    carried_light: Option<usize>,
 }
 
 impl<'a> MovingCamera<'a> {
-    /// Makes room for a world, which this takes longer than to move it.
+    /// Makes room for a copy of the world. This takes longer than a move.
     pub fn of(world: &'a Scene) -> Self {
+        let _floats = StandardFloats::set();
         let places = world.vertices().chain(world.lights.iter().map(|light| &light.position));
         let places = places.chain(world.spheres.iter().map(|sphere| &sphere.centre));
         let furthest =
@@ -196,23 +298,42 @@ impl<'a> MovingCamera<'a> {
             );
         let is_flat = |i: &usize| world.triangles[*i].has_no_area();
         let flat = ((0..world.triangles.len()).filter(is_flat).collect(), world.faces.without_area());
-        MovingCamera { world, seen: world.clone(), flat, furthest }
+        MovingCamera { world, seen: world.clone(), flat, furthest, carried_light: None }
     }
 
-    /// As [`Scene::seen_from`].
+    /// Has the camera carry a light of the world, by its index, as [`Opened::carried_light`] gives
+    /// it for the scene of a file: the light keeps its place in the camera's frame.
+    ///
+    /// [`Opened::carried_light`]: crate::Opened::carried_light
+    pub fn carrying_light(self, carried_light: Option<usize>) -> Self {
+        MovingCamera { carried_light, ..self }
+    }
+
+    /// Sets the camera of its views from the next one on: of another size, or with another film.
+    pub fn set_camera(&mut self, camera: Camera) {
+        self.seen.camera = camera;
+    }
+
+    /// Sets whether objects cast shadows in its views from the next one on.
+    pub fn set_shadows(&mut self, shadows: bool) {
+        self.seen.shadows = shadows;
+    }
+
+    /// As [`Scene::seen_from`], with the camera and the shadows that were set.
     ///
     /// # Errors
     /// As there; then what was seen before is lost.
     pub fn seen_from(&mut self, view: View) -> Result<&Scene, ViewError> {
-        let to_camera = view.to_camera()?;
+        let _floats = StandardFloats::set();
+        let to_camera = view.to_camera()?.after_frame_of(&self.world.view.to_camera()?);
         // Zeros keep their signs.
         let at_rest = to_camera == ToCamera::IDENTITY;
         let moved = |point: Vec3| {
             if at_rest { point } else { to_camera.point(point.as_dvec3()).as_vec3() }
         };
         let (world, seen) = (self.world, &mut self.seen);
-        for (seen, light) in seen.lights.iter_mut().zip(&world.lights) {
-            seen.position = moved(light.position);
+        for (i, light) in world.lights.iter().enumerate().filter(|(i, _)| Some(*i) != self.carried_light) {
+            seen.lights[i].position = moved(light.position);
         }
         for (seen, sphere) in seen.spheres.iter_mut().zip(&world.spheres) {
             seen.centre = moved(sphere.centre);
@@ -224,7 +345,7 @@ impl<'a> MovingCamera<'a> {
             *seen = moved(*vertex);
         }
         // A turn makes a number at most root three times as large.
-        let reach = 2.0 * (f64::from(self.furthest) + view.position.abs().max_element());
+        let reach = 2.0 * (f64::from(self.furthest) + to_camera.position.abs().max_element());
         if reach >= f32::MAX.into() {
             // The world had numbers.
             seen.check().map_err(|beyond| ViewError::Range(beyond.field))?;
@@ -235,56 +356,29 @@ impl<'a> MovingCamera<'a> {
             seen.faces.take_corners(&world.faces, *face);
         }
         seen.faces.flatten(faces);
+        seen.view = view;
         Ok(seen)
     }
 }
 
 impl Scene {
-    /// Where a camera at rest goes that goes round what it looks at, as far away as the middle of all objects: to the right, by such
-    /// a part of a turn about `up`, which is as in [`Opened`](super::Opened).
-    pub fn orbit(&self, up: DVec3, part: f64) -> View {
+    /// The view after an orbit around the scene: [`View::orbit`] of the scene's own view, at its
+    /// [`middle_depth`](Self::middle_depth). That visits every object, so that a camera that keeps
+    /// moving should compute it once.
+    ///
+    /// # Errors
+    /// If there is nothing to be seen from the scene's own view.
+    pub fn orbit(&self, part: f64) -> Result<View, ViewError> {
+        self.view.orbit(self.middle_depth(), part)
+    }
+
+    /// The depth of the middle of all objects, seen from the camera: halfway from the nearest
+    /// centre or corner to the furthest. 0 where there is no object.
+    pub fn middle_depth(&self) -> f64 {
+        let _floats = StandardFloats::set();
         let depths = self.spheres.iter().map(|sphere| sphere.centre.z).chain(self.vertices().map(|vertex| vertex.z));
         let (near, far) = depths.fold((f32::MAX, f32::MIN), |(near, far), z| (near.min(z), far.max(z)));
-        let middle = DVec3::Z * (f64::from(near) + f64::from(far)) / 2.0;
-        let turn = DQuat::from_axis_angle(up, -std::f64::consts::TAU * part);
-        let position = middle - turn * middle;
-        // As long as the way there, in whatever unit: a step of 1 would be lost in the digits of a place far away.
-        let step = if position == DVec3::ZERO { 1.0 } else { position.length() };
-        View { position, look_at: position + turn * DVec3::Z * step, up: turn * DVec3::Y }
-    }
-}
-
-/// The way from a mesh alone to a scene: how it stands in the world, and from where it is seen.
-pub struct Setting {
-    /// The mesh in the world.
-    pub placement: Placement,
-    /// The camera.
-    pub view: View,
-    /// The place of the one light, which is white.
-    pub light: DVec3,
-}
-
-impl Setting {
-    /// For a mesh of a format: it stands upright, is seen whole, and lit from the left above the camera.
-    ///
-    /// Nothing where its size is beyond numbers.
-    pub fn of(mesh: &Mesh, format: MeshFormat, camera: &Camera) -> Option<Setting> {
-        let placement = format.placement();
-        let to_world = placement.to_world();
-        let view = View::framing(&mesh.used(), to_world, camera);
-        let to_camera = view.to_camera().ok()?;
-        let away = view.position.distance(view.look_at);
-        let light = view.position + to_camera.linear.transpose() * (DVec3::new(-0.8, 1.0, -0.3) * away);
-        light.as_vec3().is_finite().then_some(Setting { placement, view, light })
-    }
-
-    /// The scene of this mesh, its colours times `colour`, in the camera's frame; nothing where it leaves the range of f32.
-    pub fn scene(&self, mesh: Mesh, colour: Vec3, name: String, camera: Camera) -> Option<Scene> {
-        let to_camera = self.view.to_camera().ok()?;
-        let faces = mesh.placed(to_camera.of_placed(&self.placement), colour)?;
-        let position = to_camera.point(self.light).as_vec3();
-        let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
-        Some(Scene { name, lights, faces, ..Scene::new(camera) })
+        (f64::from(near) + f64::from(far)) / 2.0
     }
 }
 
@@ -294,7 +388,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_placed_in_a_world_keeps_its_digits_however_far_both_are_from_the_origin() {
+    fn placed_objects_keep_their_digits_far_from_the_origin() {
         let position = DVec3::new(1.5, -2.25, 0.5);
         let view = View { position, look_at: DVec3::new(0.5, 0.0, 4.0), up: DVec3::Y };
         let (scale, rotate) = (DVec3::new(0.3, -2.0, 1e-3), DVec3::new(20.0, 90.0, -130.0));
@@ -313,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_on_one_line_have_no_area_however_f32_rounds_their_sides() {
+    fn corners_on_one_line_have_no_area() {
         let mut rng = Rng::new(1);
         let mut whole = || (1 + rng.next_u64() % 4095) as f32;
         for _ in 0..10_000 {
@@ -324,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_moving_camera_sees_is_the_world_moved_once_wherever_it_was_before() {
+    fn moving_camera_sees_the_world_moved_once() {
         let mut world = many(5, 40, 3);
         world.spheres[0].centre.x = -0.0;
         let line = [1.0, 2.0, 7.0].map(|z| z * Vec3::new(77.0, 179.0, 256.0));
@@ -348,6 +442,14 @@ mod tests {
                     triangle.vertices == world.triangles[i].vertices.map(|v| moved(&v))
                 });
             }
+            // The camera sees by what is set, which is then set back.
+            let small = world.camera.sized(12, 9).unwrap();
+            camera.set_camera(small);
+            camera.set_shadows(!world.shadows);
+            let other = Scene { camera: small, shadows: !world.shadows, ..world.clone() };
+            assert!(*camera.seen_from(view).unwrap() == other.seen_from(view).unwrap(), "x = {x}");
+            camera.set_camera(world.camera);
+            camera.set_shadows(world.shadows);
             let at_rest = camera.seen_from(View::default()).unwrap();
             assert!(*at_rest == world && at_rest.spheres[0].centre.x.is_sign_negative());
             assert!(camera.seen_from(View { position: DVec3::splat(-1e39), ..view }).is_err());
@@ -358,21 +460,22 @@ mod tests {
     fn a_camera_goes_round_what_it_looks_at_and_comes_back() {
         let world = many(50, 50, 3);
         let middle = |view: View| view.to_camera().unwrap().linear.transpose() * DVec3::Z;
-        let start = world.orbit(DVec3::Y, 0.0);
-        assert_eq!(start, View::default());
+        let orbit = |part| world.orbit(part).unwrap();
+        assert_eq!(orbit(0.0), View::default());
         // To the right, a quarter of a turn to the left of what is behind it.
-        let right = world.orbit(DVec3::Y, 0.25);
+        let right = orbit(0.25);
         let distance = right.position.x;
         assert!(distance > 0.0 && (right.position.z - distance).abs() < 1e-12 * distance, "{right:?}");
         assert!(middle(right).distance(DVec3::NEG_X) < 1e-12);
-        assert!(world.orbit(DVec3::Y, 1.0).position.length() < 1e-12 * distance);
+        assert!(orbit(1.0).position.length() < 1e-12 * distance);
         // A camera that looks down stays above.
         let up = DVec3::new(0.0, 0.8, 0.6);
-        assert!((world.orbit(up, 0.5).position.dot(up)).abs() < 1e-12 * distance);
+        let world = Scene { view: View { up, ..View::default() }, ..world };
+        assert!(world.orbit(0.5).unwrap().position.dot(up).abs() < 1e-12 * distance);
     }
 
     #[test]
-    fn a_view_of_nothing_and_a_place_beyond_f32_are_errors_that_name_it() {
+    fn view_of_nothing_or_beyond_f32_is_a_named_error() {
         let mut scene = many(2, 1, 1);
         let seen = |scene: &Scene, view| scene.seen_from(view).unwrap_err().to_string();
         let still = View { look_at: DVec3::ZERO, ..View::default() };

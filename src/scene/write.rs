@@ -10,9 +10,10 @@ use super::{Scene, Sphere, Triangle};
 impl Scene {
     /// The scene in the paper's format, with a comment above each section.
     ///
-    /// [`parse`](super::parse()) restores the same scene, bit by bit, if it is one that `parse` could have made. The
-    /// format has no place for a film diagonal other than 1 and for shadows (comments give them), nor for white space and
-    /// comment marks in the image name: `_` replaces them, and an empty name is written as `image`.
+    /// [`parse`](super::parse()) restores the same scene, bit by bit, if it is one that `parse`
+    /// could have made. The format has no place for a film diagonal other than 1 and for shadows
+    /// (comments give them), nor for white space and comment marks in the image name: `_` replaces
+    /// them, and an empty name is written as `image`.
     pub fn to_text(&self) -> String {
         let mut text = String::new();
         self.write(&mut text).expect("a String takes all that is written to it");

@@ -1,16 +1,19 @@
-//! A scene, or a mesh and its view, as text in TOML, such that reading it restores the scene to the last bit.
+//! A scene, or a mesh and its view, as text in TOML, such that reading it restores the scene to the
+//! last bit.
 
 use std::fmt::{self, Display, Write};
 
 use glam::{DVec3, Vec3};
 
+use super::setting::WorldLight;
 use super::write::Decimal;
 use super::{Camera, Scene, Setting, Sphere, Triangle};
 
 impl Scene {
     /// The scene in TOML: its camera at rest, so that every number is the scene's own.
     ///
-    /// [`parse_toml`](super::parse_toml()) restores the same scene, bit by bit, if its name is not empty.
+    /// [`parse_toml`](super::parse_toml()) restores the same scene, bit by bit, if its name is not
+    /// empty.
     pub fn to_toml(&self) -> String {
         let mut text = String::new();
         self.write_toml(&mut text).expect("a String takes all that is written to it");
@@ -42,22 +45,28 @@ impl Scene {
 impl Setting {
     /// The scene of a mesh file in TOML, which names the file; `name` is that of the picture.
     ///
-    /// Reading it gives the scene that [`Setting::scene`] makes of the same mesh in white.
-    pub fn to_toml(&self, file: &str, name: &str, camera: &Camera) -> String {
+    /// Reading it gives the scene that [`Setting::scene`] makes of the same mesh.
+    pub fn to_toml(&self, file: &str, name: &str) -> String {
         let mut text = String::new();
-        self.write_toml(&mut text, file, name, camera).expect("a String takes all that is written to it");
+        self.write_toml(&mut text, file, name).expect("a String takes all that is written to it");
         text
     }
 
-    fn write_toml(&self, out: &mut String, file: &str, name: &str, camera: &Camera) -> fmt::Result {
-        let Setting { placement, view, light } = self;
+    fn write_toml(&self, out: &mut String, file: &str, name: &str) -> fmt::Result {
+        let Setting { placement, view, camera, colour, .. } = self;
         write_image(out, name, camera)?;
+        if self.shadows {
+            writeln!(out, "shadows = true")?;
+        }
         write_lens(out, camera)?;
         for (key, point) in [("position", view.position), ("look_at", view.look_at), ("up", view.up)] {
             writeln!(out, "{key} = {}", Array(point))?;
         }
-        writeln!(out, "\n[[light]]\nposition = {}\ncolour = [1, 1, 1]\nintensity = 1", Array(*light))?;
-        writeln!(out, "\n[[mesh]]\nfile = {}\ncolour = [1, 1, 1]", quoted(file))?;
+        for WorldLight { intensity, colour, position } in &self.lights {
+            writeln!(out, "\n[[light]]\nposition = {}\ncolour = {}", Array(*position), Array(*colour))?;
+            writeln!(out, "intensity = {}", Decimal(*intensity))?;
+        }
+        writeln!(out, "\n[[mesh]]\nfile = {}\ncolour = {}", quoted(file), Array(*colour))?;
         writeln!(out, "scale = {}  # files are right-handed: -1 makes z point away", Array(placement.scale))?;
         for (key, point) in [("rotate", placement.rotate), ("translate", placement.translate)] {
             writeln!(out, "{key} = {}", Array(point))?;

@@ -1,4 +1,5 @@
-//! An allocator that counts what each thread holds, so that tests can say how much memory something takes.
+//! An allocator that counts what each thread holds, so that tests can say how much memory something
+//! takes.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -17,8 +18,9 @@ fn count(bytes: isize) {
     PEAK.set(PEAK.get().max(held));
 }
 
-// SAFETY: every call is handed to `System` with the caller's own arguments, under the caller's own promises. The
-// counters are constants without a destructor, so that reaching them neither allocates nor fails.
+// SAFETY: every call is handed to `System` with the caller's own arguments, under the caller's own
+// promises. The counters are constants without a destructor, so that reaching them neither
+// allocates nor fails.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as isize);
@@ -44,7 +46,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Does something, and says how many bytes this thread held at most meanwhile, beyond what it held before.
+/// Does something, and says how many bytes this thread held at most meanwhile, beyond what it held
+/// before.
 pub fn peak_of<T>(action: impl FnOnce() -> T) -> (T, usize) {
     let before = HELD.get();
     PEAK.set(before);

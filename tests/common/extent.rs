@@ -1,4 +1,5 @@
-//! How much is tried: every case in `make test-all`, a sample of the slow ones in `make test`; and what cannot be tried here.
+//! How much is tried: every case in `make test-all`, a sample of the slow ones in `make test`; and
+//! what cannot be tried here.
 
 #![allow(dead_code, reason = "no program of those that share it uses all of it")]
 
@@ -16,8 +17,8 @@ pub fn sampled<T>(cases: impl IntoIterator<Item = T>, step: usize) -> impl Itera
     cases.into_iter().step_by(if all() { 1 } else { step })
 }
 
-/// Says that `check` was not made for the lack of `need`: in the file that RAYO_NOT_RUN names, which `make test` shows at
-/// its end.
+/// Says that `check` was not made for the lack of `need`: in the file that RAYO_NOT_RUN names,
+/// which `make test` shows at its end.
 ///
 /// # Panics
 /// Where RAYO_MUST, a list with commas, has that word.

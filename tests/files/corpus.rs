@@ -1,4 +1,5 @@
-//! The fuzzing targets over their corpus and over seeded mutations of it: a bounded share of what cargo-fuzz does.
+//! The fuzzing targets over their corpus and over seeded mutations of it: a bounded share of what
+//! cargo-fuzz does.
 
 #[path = "../../fuzz/targets.rs"]
 mod targets;
@@ -7,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::counting::peak_of;
-use rayo::scene::Rng;
+use rayo::internals::scene::Rng;
 use targets::{TARGETS, Target};
 
 /// Mutations of each target's files, all together.
@@ -37,10 +38,11 @@ fn files(target: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Runs a target, and holds the memory that it takes to a multiple of its input: pixels and what is shown of scenes take most.
+/// Runs a target, and holds the memory that it takes to a multiple of its input: pixels and what is
+/// shown of scenes take most.
 fn run(name: &str, target: Target, source: &[u8]) {
     let ((), peak) = peak_of(|| target(source));
-    let times = if name.starts_with("mesh") { 64 } else { 1000 };
+    let times = if name.starts_with("mesh") || name.starts_with("cloud") { 64 } else { 1000 };
     assert!(peak <= times * source.len() + (4 << 20), "{peak} bytes for an input of {}", source.len());
 }
 
@@ -76,7 +78,8 @@ fn the_corpus_and_its_mutations_are_read_or_refused_in_order() {
     }
 }
 
-/// Changes something: a bit, a byte, a piece in the place of some bytes or of a word, a part left out, doubled or cut off.
+/// Changes something: a bit, a byte, a piece in the place of some bytes or of a word, a part left
+/// out, doubled or cut off.
 fn mutate(source: &mut Vec<u8>, rng: &mut Rng) {
     let pieces: Vec<_> = WORDS.split(' ').map(str::as_bytes).chain(BYTES).collect();
     let mut below = |limit: usize| (rng.next_u64() % limit.max(1) as u64) as usize;

@@ -1,12 +1,14 @@
 //! Image files: written in bands and read back, whole or not at all, and never trusted.
 
 use proptest::prelude::*;
-use rayo::measure::picture::{Picture, Pixels};
-use rayo::render::{Engine, Format, Frame, ImageError, ImageFile, ImageWriter, OutputError, Settings, read, render};
-use rayo::scene::{Scene, many};
+use rayo::internals::render::{
+    Engine, Format, Frame, ImageError, ImageFile, ImageWriter, OutputError, Settings, read, render,
+};
+use rayo::internals::scene::{Scene, many};
+use rayo::{Picture, Pixels};
 use std::fs;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tempfile::TempDir;
 
 const FORMATS: [(&str, Format); 8] = [
@@ -41,7 +43,8 @@ fn expected(format: Format, width: u32, height: u32) -> Picture {
     Picture::new(width, height, pixels)
 }
 
-/// A pixel as Radiance's format holds it: 8 bits of each channel, rounded below the largest one's first.
+/// A pixel as Radiance's format holds it: 8 bits of each channel, rounded below the largest one's
+/// first.
 fn rgbe(pixel: [f32; 3]) -> [f32; 3] {
     let pixel = pixel.map(|value| value.clamp(0.0, 255.0 * 2.0_f32.powi(119)));
     let largest = pixel.into_iter().fold(0.0, f32::max);
@@ -128,17 +131,25 @@ fn values_beyond_the_range_of_hdr_are_its_largest_and_black() {
 }
 
 #[test]
-fn a_format_that_is_written_whole_says_so_before_any_work_if_that_is_too_much() {
+fn too_large_a_picture_for_a_whole_format_is_refused_first() {
     let directory = tempfile::tempdir().unwrap();
-    let error = ImageWriter::create(&directory.path().join("a.qoi"), Format::Qoi, 20_000, 20_000).err().unwrap();
-    assert!(matches!(error, ImageError::Whole { .. }), "{error}");
-    let error = error.to_string();
-    assert!(error.contains("takes 1144 MiB of memory") && error.contains("written row by row"), "{error}");
-    assert_eq!(names(&directory), [""; 0]);
-    // All others take it.
-    for (name, format) in FORMATS.into_iter().filter(|(_, format)| *format != Format::Qoi) {
-        assert!(ImageWriter::create(&directory.path().join(name), format, 20_000, 20_000).is_ok(), "{name}");
+    for (name, format) in FORMATS {
+        let path = directory.path().join(name);
+        let needed = match format {
+            Format::Tiff | Format::Qoi => "takes 1144 MiB of memory",
+            Format::Hdr => "takes 4577 MiB of memory",
+            _ => {
+                assert!(ImageWriter::create(&path, format, 20_000, 20_000).is_ok(), "{name}");
+                continue;
+            }
+        };
+        let error = ImageWriter::create(&path, format, 20_000, 20_000).err().unwrap();
+        assert!(matches!(error, ImageError::Whole { .. }), "{error}");
+        let error = error.to_string();
+        let instead = "name it .png, .ppm, .exr or .pfm, which are written row by row";
+        assert!(error.contains(needed) && error.ends_with(instead), "{error}");
     }
+    assert_eq!(names(&directory), [""; 0]);
 }
 
 proptest! {
@@ -175,33 +186,6 @@ proptest! {
     }
 }
 
-/// The only file that is written in a directory; on Linux it has no name there.
-fn in_the_making(directory: &Path) -> fs::File {
-    let open = if cfg!(target_os = "linux") { Path::new("/proc/self/fd") } else { directory };
-    let mut open = fs::read_dir(open).unwrap().map(|entry| entry.unwrap().path());
-    let is_there = |path: &PathBuf| fs::read_link(path).as_ref().unwrap_or(path).starts_with(directory);
-    fs::File::open(open.find(is_there).unwrap()).unwrap()
-}
-
-#[test]
-fn an_image_beyond_4_gib_is_a_big_tiff() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("a.tiff");
-    let beginning = |height| {
-        let mut writer = ImageWriter::create(&path, Format::Tiff, 1 << 15, height).unwrap();
-        let rows = vec![[1, 2, 3]; 1 << 15];
-        (0..height.min(40)).for_each(|_| writer.write_rgb8(&rows).unwrap());
-        // What is not written yet is in a buffer: dropping the writer writes it, and gives the file up after that.
-        let mut part = in_the_making(directory.path());
-        drop(writer);
-        let mut bytes = [0; 4];
-        part.read_exact(&mut bytes).unwrap();
-        bytes
-    };
-    assert_eq!(&beginning(40_000), b"II*\0");
-    assert_eq!(&beginning(50_000), b"II+\0");
-}
-
 /// A 2x2 picture for the literal bytes.
 const TINY: [[u8; 3]; 4] = [[255, 0, 9], [10, 99, 100], [0, 0, 0], [1, 2, 3]];
 
@@ -229,6 +213,18 @@ fn plain_files_have_these_bytes() {
     assert_eq!(fs::read(&path).unwrap(), [&b"PF\n1 2\n-1.0\n"[..], rows].concat());
 }
 
+#[test]
+fn qoi_is_marked_linear_and_one_colour_tiff_is_small() {
+    // The last byte of the header: 0 is sRGB.
+    assert_eq!(bytes_of_tiny(Format::Qoi)[..14], *b"qoif\0\0\0\x02\0\0\0\x02\x03\x01");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.tiff");
+    let mut writer = ImageWriter::create(&path, Format::Tiff, 400, 300).unwrap();
+    writer.write_rgb8(&[[3, 200, 77]; 400 * 300]).unwrap();
+    writer.finish().unwrap();
+    assert!(fs::metadata(&path).unwrap().len() < 36_000);
+}
+
 /// The chunks of a PNG: their names and contents.
 fn chunks(png: &[u8]) -> Vec<(&str, &[u8])> {
     let (mut chunks, mut rest) = (Vec::new(), &png[8..]);
@@ -254,7 +250,7 @@ fn a_png_has_no_chunks_but_the_necessary_ones() {
 }
 
 #[test]
-fn a_writer_that_is_dropped_leaves_nothing_and_finishing_without_all_rows_keeps_the_old_file() {
+fn dropped_or_unfinished_writer_keeps_the_old_file() {
     let directory = tempfile::tempdir().unwrap();
     for (name, format) in FORMATS {
         let path = directory.path().join(name);
@@ -277,7 +273,7 @@ fn a_writer_that_is_dropped_leaves_nothing_and_finishing_without_all_rows_keeps_
 }
 
 #[test]
-fn what_appears_during_the_work_is_kept_when_a_new_file_is_asked_for() {
+fn file_that_appears_during_the_work_is_kept() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.ppm");
     let mut writer = ImageWriter::create_new(&path, Format::Ppm, 4, 4).unwrap();
@@ -311,7 +307,7 @@ fn an_image_without_pixels_is_an_error() {
 }
 
 #[test]
-fn pixels_that_a_writer_does_not_take_are_a_mistake_that_is_told() {
+fn wrong_pixels_for_a_writer_are_told() {
     type Write = fn(&mut ImageWriter) -> Result<(), ImageError>;
     let mistakes: [(&str, Write, &str); 4] = [
         ("a.pfm", |writer| writer.write_rgb8(&[[0; 3]; 2]), "takes floats"),
@@ -336,7 +332,7 @@ mod unix {
     use std::process::Command;
 
     #[test]
-    fn a_link_to_nothing_gets_its_file_unless_a_new_one_was_asked_for() {
+    fn dangling_link_gets_its_file_unless_it_must_be_new() {
         let directory = tempfile::tempdir().unwrap();
         let link = directory.path().join("link.ppm");
         symlink("target.ppm", &link).unwrap();
@@ -391,6 +387,19 @@ mod unix {
         }
         assert_eq!(names(&directory), ["fifo"]);
         assert!(fs::metadata(&fifo).unwrap().file_type().is_fifo());
+    }
+
+    #[test]
+    fn a_picture_does_not_run_as_the_owner_of_the_file_it_replaces() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.png");
+        for special in [0o4000, 0o2000, 0o1000, 0o7000] {
+            fs::write(&path, "old").unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(special | 0o711)).unwrap();
+            assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o7777, special | 0o711);
+            write(&path, Format::Png, (1, 1), 1).unwrap();
+            assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o7777, 0o711, "{special:o}");
+        }
     }
 
     #[test]
@@ -484,12 +493,15 @@ fn crc(bytes: &[u8]) -> [u8; 4] {
 
 #[test]
 fn nonsense_is_an_error() {
-    for bytes in [&b""[..], b"P", b"P4\n1 1\n\0", b"P7\n", b"GIF89a", b"\x89PNG\r\n", b"\0\0\0\0"] {
+    for bytes in [&b"P"[..], b"P8\n1 1\n\0", b"GIF89a", b"\x89PNG\r\n", b"\0\0\0\0"] {
         let error = read_bytes(bytes).unwrap_err();
         assert!(matches!(error, ImageError::NotAnImage { .. }), "{error}");
     }
     for bytes in [
-        &b"P6\n0 5\n255\n"[..],
+        &b""[..],
+        b"P6\n0 5\n255\n",
+        b"P4\n9 1\n\0",
+        b"P7\n",
         b"P6\n1 1\n0\n123",
         b"P6\n-1 1\n255\n123",
         b"P6\n1",
@@ -551,7 +563,7 @@ fn exr_of_other_programs_is_read_as_the_library_reads_it() {
 
 /// What a good file holds.
 fn sound(path: &Path) -> Picture {
-    rayo::render::read(path).unwrap_or_else(|error| panic!("{error}"))
+    rayo::internals::render::read(path).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
@@ -599,8 +611,9 @@ fn a_file_takes_only_pictures_of_its_size_and_one_of_them() {
 }
 
 #[test]
-fn a_compression_that_the_libraries_do_not_undo_safely_is_refused() {
-    for (name, what) in [("image_exr/half_b44.exr", "compression by B44"), ("image_tiff/jpeg.tiff", "this compression")]
+fn compressions_that_libraries_undo_unsafely_are_refused() {
+    for (name, what) in
+        [("image_exr/half_b44.exr", "compression by B44"), ("image_tiff/jpeg.tiff", "compression by JPEG")]
     {
         let error = read(&of_corpus(name)).unwrap_err();
         assert!(matches!(error, ImageError::OtherKind { .. }), "{error}");
@@ -625,7 +638,8 @@ fn what_a_file_says_takes_no_more_memory_than_the_file_can_mean() {
         let error = read(&of_corpus(name)).unwrap_err();
         assert!(matches!(error, ImageError::Malformed { .. }), "{name}: {error}");
     }
-    // That this one really has so many pixels is all that is known until it is compared with another.
+    // That this one really has so many pixels is all that is known until it is compared with
+    // another.
     assert_eq!(ImageFile::open(&of_corpus("image_png/bomb.png")).unwrap().size(), (8000, 1000));
 }
 
@@ -667,8 +681,10 @@ fn a_file_cut_off_anywhere_is_an_error() {
         let path = directory.path().join(name);
         write(&path, format, (4, 3), 3).unwrap();
         let bytes = fs::read(&path).unwrap();
-        // The last character of a P3 file may go, for it is a newline, and what ends a PNG or a QOI after its pixels.
-        let (_, needed) = [(Format::Png, 16), (Format::PpmText, 2), (Format::Qoi, 8)]
+        // The last character of a P3 file may go, for it is a newline, what ends a QOI after its
+        // pixels, a TIFF's place of a next directory, and the chunks that end the stream and the
+        // file of a PNG after that of its last pixel.
+        let (_, needed) = [(Format::Png, 21 + 12), (Format::PpmText, 2), (Format::Qoi, 8), (Format::Tiff, 4)]
             .into_iter()
             .find(|(with_end, _)| *with_end == format)
             .unwrap_or((format, 0));

@@ -1,4 +1,5 @@
-//! Mesh files: what is read, what is refused and in which words, at what memory; and the shapes that are made.
+//! Mesh files: what is read, what is refused and in which words, at what memory; and the shapes
+//! that are made.
 
 use std::collections::HashMap;
 use std::fs;
@@ -7,16 +8,16 @@ use std::path::Path;
 
 use crate::counting::peak_of;
 use glam::{DVec2, DVec3, Vec3};
-use rayo::scene::mesh::shapes::{icosphere, terrain, torus};
-use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, ToCamera, open};
+use rayo::internals::scene::mesh::shapes::{icosphere, terrain, torus};
+use rayo::internals::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, ToCamera, open};
 
-const FORMATS: [MeshFormat; 3] = [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Stl];
+const FORMATS: [MeshFormat; 4] = [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Stl, MeshFormat::Gltf];
 
 /// What errors and a reader's buffers may take, however short the file.
 const SLACK: usize = 2 << 20;
 
 /// Reads a mesh, and holds the memory that this takes to a multiple of the file.
-fn read(format: MeshFormat, source: impl Into<Vec<u8>>) -> Result<Mesh, MeshError> {
+pub(crate) fn read(format: MeshFormat, source: impl Into<Vec<u8>>) -> Result<Mesh, MeshError> {
     let source = source.into();
     let length = source.len();
     let (mesh, peak) = peak_of(|| Mesh::from_bytes(source, format, "test"));
@@ -25,78 +26,33 @@ fn read(format: MeshFormat, source: impl Into<Vec<u8>>) -> Result<Mesh, MeshErro
 }
 
 /// The colours of all triangles.
-fn colours(mesh: &Mesh) -> Vec<[f32; 3]> {
+pub(crate) fn colours(mesh: &Mesh) -> Vec<[f32; 3]> {
     (0..mesh.triangles.len()).map(|triangle| mesh.colour(triangle).to_array()).collect()
 }
 
-fn refused(format: MeshFormat, source: impl Into<Vec<u8>>) -> String {
+pub(crate) fn refused(format: MeshFormat, source: impl Into<Vec<u8>>) -> String {
     read(format, source).expect_err("a refusal").to_string()
 }
 
+/// The linear light of a value on the sRGB curve.
+pub(crate) fn light(encoded: f64) -> f32 {
+    (if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }) as f32
+}
+
 /// The corners of all triangles.
-fn soup(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
+pub(crate) fn soup(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
     mesh.triangles.iter().map(|&triangle| mesh.corners(triangle).map(|corner| corner.to_array())).collect()
 }
 
 const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.5], [0.0, 1.0, -2.5e-7]];
 
 /// The square as two triangles, a fan around its first corner.
-fn fan() -> Vec<[[f32; 3]; 3]> {
+pub(crate) fn fan() -> Vec<[[f32; 3]; 3]> {
     let [a, b, c, d] = SQUARE;
     vec![[a, b, c], [a, c, d]]
 }
 
-const OBJ_SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 -2.5e-7\n";
-
-#[test]
-fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
-    const RED: [f32; 3] = [1.0, 0.0, 0.0];
-    let vertices = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 0 0 0.5 1\n";
-    let mesh = read(MeshFormat::Obj, format!("{vertices}f 1 2 3 4\nf 4 4 4")).unwrap();
-    assert_eq!(colours(&mesh), [RED, [2.0 / 3.0, 0.0, 0.5 / 3.0], [0.0, 0.0, 0.5]]);
-    // A vertex without one is white; what is no colour is none.
-    let mesh = read(MeshFormat::Obj, format!("{vertices}v 1 2 3\nv 1 2 3 -1 0 0\nf 5 5 6\nf 1 2 3")).unwrap();
-    assert_eq!(colours(&mesh), [[1.0; 3], RED]);
-    assert!(
-        read(MeshFormat::Obj, format!("{OBJ_SQUARE}v 0 0 0 1 2\nvn 0 0 1\nvt 0 0\nf 1 2 3 # red"))
-            .unwrap()
-            .colours
-            .is_empty()
-    );
-
-    let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
-    write(
-        "my box.mtl",
-        "\u{feff}newmtl red\nKa 1 1 1\nKd 1 0 0\nd 0.5\r\nnewmtl plain\nmap_Kd a.png\n newmtl\tblue\n\tKd 0 0 .5 # dark\n",
-    );
-    let faces = "f 1 2 3\nusemtl red\nf 1 2 3 4\nusemtl  blue \nf 1 2 3\nusemtl none\nf 1 2 3\nusemtl plain\nf 1 2 3\n";
-    for before in ["", "# goes on \\\nthere\n"] {
-        write("box.obj", &format!("\u{feff}mtllib my box.mtl\n{before}{OBJ_SQUARE}vn 0 0 1\n{faces}"));
-        let mesh = Mesh::read(&folder.path().join("box.obj")).unwrap();
-        assert_eq!(colours(&mesh), [[1.0; 3], RED, RED, [0.0, 0.0, 0.5], [1.0; 3], [1.0; 3]]);
-        assert_eq!(
-            mesh.notes,
-            ["not read: normals", "not read: materials that no file describes, textures, transparency"]
-        );
-    }
-    assert_eq!(Mesh::read(&folder.path().join("box.obj")).unwrap().libraries, [folder.path().join("my box.mtl")]);
-    write("lost.obj", &format!("mtllib lost.mtl\n{OBJ_SQUARE}{faces}"));
-    let lost = Mesh::read(&folder.path().join("lost.obj")).unwrap();
-    let note = "its materials are not all there: `lost.mtl` cannot be read: ";
-    assert!(
-        matches!(&lost.notes[..], [one] if one.starts_with(note) && one.ends_with("(os error 2)")),
-        "{:?}",
-        lost.notes
-    );
-    assert!(lost.colours.is_empty());
-    write("partly.obj", &format!("mtllib lost.mtl box.mtl\n{OBJ_SQUARE}{faces}"));
-    write("box.mtl", "newmtl red\nKd 1 0 0\n");
-    assert_eq!(colours(&Mesh::read(&folder.path().join("partly.obj")).unwrap())[1], RED);
-    write("both.obj", &format!("mtllib my box.mtl\n{OBJ_SQUARE}v 0 0 0 1 0 0\nusemtl blue\nf 1 2 3\nf 5 5 5\n"));
-    let both = Mesh::read(&folder.path().join("both.obj")).unwrap();
-    assert_eq!(both.notes, ["not read: materials, since vertices have colours"]);
-}
+pub(crate) const OBJ_SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 -2.5e-7\n";
 
 #[test]
 fn a_ply_file_has_colours_of_vertices_or_of_faces() {
@@ -113,8 +69,9 @@ fn a_ply_file_has_colours_of_vertices_or_of_faces() {
                  {in_vertices}{extra}element face 2\nproperty list uchar int vertex_indices\n{in_faces}end_header\n{rows}"
             );
             let mesh = read(MeshFormat::Ply, file).unwrap();
-            let second = if of_face == 0 { [1.0, 0.0, 0.2] } else { [1.0; 3] };
-            assert_eq!(colours(&mesh), [[1.0, 0.0, 0.2], second], "{kind} {of_vertex} {of_face}");
+            let first = [1.0, 0.0, light(0.2)];
+            let second = if of_face == 0 { first } else { [1.0; 3] };
+            assert_eq!(colours(&mesh), [first, second], "{kind} {of_vertex} {of_face}");
             assert_eq!(mesh.notes.len(), alpha);
         }
     }
@@ -145,7 +102,7 @@ fn triangle_strips_are_read_as_triangles_that_face_one_side() {
     assert!(mesh.triangles.iter().all(|triangle| side(triangle) < 0.0));
     // What leads to another place makes none.
     assert_eq!(strips("0 1 2 2 3 3 4").unwrap().triangles, [[0, 1, 2]]);
-    let message = "test:15: strip 1's corner 3 is vertex 5, which the file has not: expected 0 to 4, counted from 0";
+    let message = "test:15: strip 1's corner 3 refers to vertex 5, but the file has only 5 vertices: expected 0 to 4, counted from 0";
     assert_eq!(strips("0 1 5").unwrap_err().to_string(), message);
 }
 
@@ -156,50 +113,46 @@ fn colours_go_from_one_format_to_another_to_the_last_bit() {
         let mut mesh = terrain(200, 3);
         let half = mesh.triangles.len() / 2;
         mesh.colours = vec![(half, red), (mesh.triangles.len(), second)];
-        for format in [MeshFormat::Obj, MeshFormat::Ply] {
+        for format in [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Gltf] {
             let mut file = Vec::new();
             mesh.write(format, &mut file).unwrap();
             let again = read(format, file).unwrap();
             assert_eq!((soup(&again), &again.colours), (soup(&mesh), &mesh.colours), "{format}");
         }
-        let scene = Setting::of(&mesh, MeshFormat::Ply, &Camera::default()).unwrap();
-        let scene = scene.scene(mesh.clone(), Vec3::new(0.5, 1.0, 1.0), String::new(), Camera::default()).unwrap();
+        let mut setting = Setting::of(&mesh, MeshFormat::Ply, &Camera::default()).unwrap();
+        setting.colour = Vec3::new(0.5, 1.0, 1.0);
+        let scene = setting.scene(mesh.clone(), String::new()).unwrap();
         assert_eq!(scene.triangle(0).colour, red * Vec3::new(0.5, 1.0, 1.0));
         assert_eq!(Mesh::of_scene(&scene, MeshFormat::Ply).colour(half), second * Vec3::new(0.5, 1.0, 1.0));
     }
 }
 
 #[test]
-fn an_obj_file_may_be_written_in_many_ways() {
-    for (way, faces) in [
-        ("a quad", "f 1 2 3 4"),
-        ("two triangles", "f 1 2 3\nf 1 3 4"),
-        ("numbers from the end", "f -4 -3 -2 -1"),
-        ("texture and normal", "vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1 4/1/1"),
-        ("normals alone", "vn 0 0 1\nf 1//1 2//1 3//1 4//1"),
-        ("texture and normals that are not there", "f 1/9/9 2/-7 3//8 4/0/0"),
-        (
-            "lines that mean nothing here",
-            "o square\ng a b\nmtllib no.mtl\nusemtl no\ns off\nl 1 2\np 3\nf 1 2 3 4\n# \u{f1}",
-        ),
-        ("several objects", "o one\nf 1 2 3\no two\nf 1 3 4"),
-        ("a line that goes on", "f 1 2 \\\n 3 4"),
-        ("CR LF", "f 1 2 3 4\r"),
-        ("a fifth vertex that no face has", "v 9 9 9\nf 1 2 3 4"),
-    ] {
-        for mark in ["", "\u{feff}"] {
-            let mesh = read(MeshFormat::Obj, format!("{mark}{OBJ_SQUARE}{faces}\n"));
-            assert_eq!(soup(&mesh.unwrap_or_else(|error| panic!("{way}: {error}"))), fan(), "{way}");
-        }
+fn colours_of_a_file_are_the_same_in_the_next_file() {
+    let obj = "v 0 0 0 0.1 0.251 0.7\nv 1 0 0 0.1 0.251 0.7\nv 1 1 0 0.1 0.251 0.7\nf 1 2 3\n";
+    let mut file = Vec::new();
+    read(MeshFormat::Obj, obj).unwrap().write(MeshFormat::Obj, &mut file).unwrap();
+    assert_eq!(String::from_utf8(file).unwrap(), obj);
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar uint vertex_indices\n";
+    let [floats, levels] =
+        [("float", [0.1_f32, 0.251, 0.7].map(f32::to_le_bytes).concat()), ("uchar", vec![128, 64, 32])].map(
+            |(kind, colour)| {
+                let channels = ["red", "green", "blue"].map(|channel| format!("property {kind} {channel}\n")).concat();
+                let corners = [0_f32, 0., 0., 1., 0., 0., 1., 1., 0.].map(f32::to_le_bytes).concat();
+                let face = [&[3][..], &[0_u32, 1, 2].map(u32::to_le_bytes).concat(), &colour].concat();
+                [header.as_bytes(), channels.as_bytes(), b"end_header\n", &corners, &face].concat()
+            },
+        );
+    for ply in [floats, levels] {
+        let mut file = Vec::new();
+        read(MeshFormat::Ply, ply.clone()).unwrap().write(MeshFormat::Ply, &mut file).unwrap();
+        assert_eq!(file, ply);
     }
-    let quad = read(MeshFormat::Obj, format!("{OBJ_SQUARE}f 1 2 3 4\nf 1 2 3\nf 1 2 3 4 1")).unwrap();
-    assert_eq!((quad.polygons, quad.triangles.len()), (2, 6));
-    // Colours on some vertices, a weight, and a comment in Latin-1.
-    let odd = b"# se\xf1al\nv 0 0 0 1 0 0\nv 2 0 0 2\nv 1 1 0.5\nv 0 1 -2.5e-7 0 1 0\nf 1 2 3 4".to_vec();
-    assert_eq!(soup(&read(MeshFormat::Obj, odd).unwrap()), fan());
 }
 
-/// The square as PLY: text, or binary in either byte order, with properties and an element that mean nothing here.
+/// The square as PLY: text, or binary in either byte order, with properties and an element that
+/// mean nothing here.
 fn ply_square(encoding: &str, scalar: &str, index: &str) -> Vec<u8> {
     let mut file = format!(
         "ply\nformat {encoding} 1.0\ncomment of no interest\nelement vertex 4\nproperty uchar red\nproperty {scalar} x\n\
@@ -263,9 +216,9 @@ fn a_ply_file_may_be_text_or_binary_of_either_byte_order() {
     }
 }
 
-const STL_STEPS: &str = "expected facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
+pub(crate) const STL_STEPS: &str = "expected facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
 
-fn stl_text(name: &str) -> String {
+pub(crate) fn stl_text(name: &str) -> String {
     let mut text = format!("solid{name}\n");
     for [a, b, c] in fan() {
         text += "  facet normal 0 0 1\n    outer loop\n";
@@ -277,7 +230,7 @@ fn stl_text(name: &str) -> String {
     text + &format!("endsolid{name}\n")
 }
 
-fn stl_binary(title: &str) -> Vec<u8> {
+pub(crate) fn stl_binary(title: &str) -> Vec<u8> {
     let mut bytes = title.as_bytes().to_vec();
     bytes.resize(80, b' ');
     bytes.extend(2_u32.to_le_bytes());
@@ -310,58 +263,22 @@ fn an_stl_file_may_be_text_or_binary_whatever_its_title() {
 }
 
 #[test]
-fn a_bad_obj_file_is_refused_at_its_line_and_element() {
-    let has = "expected 1 to 4, the number of its vertices, or -1 and down for the last ones";
-    let corner = "expected vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
-    let point = "expected three numbers after v: x y z";
-    for (faces, expected) in [
-        ("", "test: the mesh is empty: expected at least one face".to_owned()),
-        ("\nf 1 2 9", format!("test:6: face 1's corner 3 is vertex 9, which the file has not: {has}")),
-        ("f 1 2 3\nf 1 0 2", format!("test:6: face 2's corner 2 is vertex 0, which the file has not: {has}")),
-        ("f 1 2 3\nf -5 1 2", format!("test:6: face 2's corner 1 is vertex -5, which the file has not: {has}")),
-        (
-            "f 1 2 99999999999",
-            format!("test:5: face 1's corner 3 is vertex 99999999999, which the file has not: {has}"),
-        ),
-        ("f 1 2 /3", format!("test:5: face 1's corner 3 is vertex 0, which the file has not: {has}")),
-        ("f 1 2 3\nf 1 two 3", format!("test:6: face 2 cannot be understood: {corner}")),
-        ("f 1 2 999999999999999999999999", format!("test:5: face 1 cannot be understood: {corner}")),
-        ("f 1 2 3.0", format!("test:5: face 1 cannot be understood: {corner}")),
-        ("f 1 2 3\nf 1 2", "test:6: face 2 has 2 corners: expected at least three".to_owned()),
-        ("f 1\nf 1 2 3", "test:5: face 1 has 1 corner: expected at least three".to_owned()),
-        ("f 1 2 3\nf", "test:6: face 2 has 0 corners: expected at least three".to_owned()),
-        ("v 1 2\nf 1 2 3", format!("test:5: vertex 5 is not a point: {point}")),
-        ("v 1 two 3\nf 1 2 3", format!("test:5: vertex 5 is not a point: {point}")),
-        ("v 1 2 3 0\nf 1 2 3", "test:5: vertex 5 has the weight 0: expected x y z alone".to_owned()),
-        ("v 1 \\\n2\nf 1 2 3", format!("test:6: vertex 5 is not a point: {point}")),
-    ] {
-        assert_eq!(refused(MeshFormat::Obj, format!("{OBJ_SQUARE}{faces}\n")), expected, "{faces}");
-    }
-    for number in ["nan", "inf", "-inf", "1e39"] {
-        let error = refused(MeshFormat::Obj, format!("{OBJ_SQUARE}v 1 {number} 3\nf 1 2 5\n"));
-        assert_eq!(error, "test:5: vertex 5 is not finite: expected numbers that f32 holds, within 3.4e38");
-    }
-    assert_eq!(refused(MeshFormat::Obj, ""), "test: the file is empty: expected a mesh in the format OBJ");
-    let error = refused(MeshFormat::Obj, b"v 0 0 0\nf 1 \xff 1\n".to_vec());
-    assert_eq!(error, "test:2: the line is no text: it is not UTF-8: expected a vertex or a face");
-}
-
-#[test]
 fn a_bad_ply_file_is_refused_at_its_line_and_element() {
     let square = String::from_utf8(ply_square("ascii", "float", "int")).unwrap();
     let header =
         "expected lines that begin with format, comment, element, property or obj_info, and end_header at last";
     for (good, bad, expected) in [
-        ("4 0 1 2 3 1.5", "4 0 1 2 4 1.5", "test:20: face 1's corner 4 is vertex 4, which the file has not: expected 0 to 3, counted from 0".to_owned()),
-        ("4 0 1 2 3 1.5", "4 0 1 2 -1 1.5", "test:20: face 1's corner 4 is vertex -1, which the file has not: expected 0 to 3, counted from 0".into()),
+        ("4 0 1 2 3 1.5", "4 0 1 2 4 1.5", "test:20: face 1's corner 4 refers to vertex 4, but the file has only 4 vertices: expected 0 to 3, counted from 0".to_owned()),
+        ("4 0 1 2 3 1.5", "4 0 1 2 -1 1.5", "test:20: face 1's corner 4 refers to vertex -1, but the file has only 4 vertices: expected 0 to 3, counted from 0".into()),
         ("4 0 1 2 3 1.5", "2 0 1 1.5", "test:20: face 1 has 2 corners: expected at least three".into()),
-        ("4 0 1 2 3 1.5", "4 0 1 2", "test:20: face 1 cannot be understood: expected its properties as the header lists them: vertex_indices area".into()),
-        ("4 0 1 2 3 1.5", "99999 0 1 2 3", "test:20: face 1 cannot be understood: expected its properties as the header lists them: vertex_indices area".into()),
+        ("4 0 1 2 3 1.5", "4 0 1 2", "test: the file ends in face 1: expected 1 of them, as its header says".into()),
+        ("4 0 1 2 3 1.5", "99 0 1 2 3", "test: the file ends in face 1: expected 1 of them, as its header says".into()),
+        ("4 0 1 2 3 1.5", "99999 0 1 2 3", "test:20: face 1's vertex_indices is `99999`: expected a whole number from 0 to 255, as its type uchar says".into()),
         ("4 0 1 2 3 1.5\n", "", "test: the file ends in face 1: expected 1 of them, as its header says".into()),
         ("200 1 0 0", "200 1 nan 0", "test:16: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38".into()),
-        ("200 1 0 0", "200 1 none 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
+        ("200 1 0 0", "200 1 none 0", "test:16: vertex 2's y is `none`: expected a number, as its type float says".into()),
         ("200 1 0 0", "200 1 1e39 0", "test:16: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38".into()),
-        ("200 1 0 0", "200 1 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
+        ("200 1 0 0", "200 1 0", "test:20: face 1's corner 1 refers to vertex 4, but the file has only 4 vertices: expected 0 to 3, counted from 0; line 17 does not end with an element, and numbers may be missing before".into()),
         ("ply", "plx", "test:1: this is no PLY file: expected the word ply in the first line".into()),
         ("format ascii 1.0", "format ebcdic 1.0", format!("test:2: the header cannot be understood: {header}")),
         ("format ascii 1.0\n", "", "test: the header has no usable format line: expected as in: format ascii 1.0".into()),
@@ -369,7 +286,7 @@ fn a_bad_ply_file_is_refused_at_its_line_and_element() {
         ("property float y", "property float w", "test: vertices have no y: expected property float y".into()),
         ("element vertex 4", "element point 4", "test: the header has no vertices: expected element vertex, with its number".into()),
         ("element face 1", "element fact 1", "test: the header has no faces: expected element face, with its number".into()),
-        ("int vertex_indices", "float vertex_indices", "test: faces have no corners: expected property list uchar int vertex_indices".into()),
+        ("list uchar int vertex_indices", "int vertex_indices", "test: faces have no corners: expected property list uchar int vertex_indices".into()),
         ("element face 1", "element face 0", "test: the mesh is empty: expected at least one face".into()),
         ("end_header\n", "end_heater\n", format!("test:14: the header cannot be understood: {header}")),
     ] {
@@ -405,10 +322,6 @@ fn an_stl_file_in_text_may_have_several_solids() {
             assert_eq!(soup(&mesh), [fan(), fan()].concat(), "{between:?} {next}");
         }
     }
-    assert_eq!(
-        refused(MeshFormat::Stl, format!("{one}solid x\n")),
-        format!("test: the file ends in facet 3: {STL_STEPS}")
-    );
     let facet = format!("test:18: facet 3 cannot be understood: {STL_STEPS}");
     assert_eq!(refused(MeshFormat::Stl, format!("{one}facett normal 0 0 1\n  vertex 0 0 0\n")), facet);
     assert!(refused(MeshFormat::Stl, format!("{one}solid b\nfacet normal 0 0 1\n")).contains("facet 3"));
@@ -422,7 +335,6 @@ fn a_bad_stl_file_is_refused_at_its_facet() {
         ("vertex 1 0 0e0", "vertex 1 0 nan", format!("test:5: facet 1 cannot be understood: {STL_STEPS}")),
         ("vertex 0 1 -2.5e-7", "vertex 0 1 1e39", format!("test:13: facet 2 cannot be understood: {STL_STEPS}")),
         ("endloop", "end", format!("test:7: facet 1 cannot be understood: {STL_STEPS}")),
-        ("endsolid x\n", "", format!("test: the file ends in facet 3: {STL_STEPS}")),
     ] {
         assert!(text.contains(good), "{good}");
         assert_eq!(refused(MeshFormat::Stl, text.replacen(good, bad, 1)), expected, "{bad}");
@@ -462,7 +374,7 @@ fn what_is_written_is_read_again_to_the_last_bit() {
 
 #[test]
 fn a_scene_that_becomes_a_mesh_comes_back_as_it_was() {
-    let scene = rayo::scene::many(3, 50, 6);
+    let scene = rayo::internals::scene::many(3, 50, 6);
     for format in FORMATS {
         let mesh = Mesh::of_scene(&scene, format);
         let mut bytes = Vec::new();
@@ -475,7 +387,7 @@ fn a_scene_that_becomes_a_mesh_comes_back_as_it_was() {
     }
     // Four triangles of a tetrahedron share four corners.
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/tetrahedron.in");
-    assert_eq!(Mesh::of_scene(&rayo::scene::read(&file).unwrap(), MeshFormat::Ply).vertices.len(), 4);
+    assert_eq!(Mesh::of_scene(&rayo::internals::scene::read(&file).unwrap(), MeshFormat::Ply).vertices.len(), 4);
 }
 
 #[test]
@@ -488,13 +400,16 @@ fn a_file_that_is_no_mesh_or_not_there_is_named() {
     let error = Mesh::read(&folder.path().join("folder.ply")).unwrap_err().to_string();
     assert!(error.ends_with("folder.ply: this is a directory: expected a mesh file"), "{error}");
     let error = Mesh::read(Path::new("mesh.fbx")).unwrap_err().to_string();
-    assert_eq!(error, "mesh.fbx: the name of a mesh file tells its format: expected .obj, .ply or .stl at its end");
+    assert_eq!(
+        error,
+        "mesh.fbx: the name of a mesh file tells its format: expected .obj, .ply, .stl, .glb or .gltf at its end"
+    );
     let bad = folder.path().join("bad.OBJ");
     fs::write(&bad, "v 0 0 0\nf 1 1 2\n").unwrap();
     let error = open(&bad, &Camera::default()).unwrap_err();
     assert!(matches!(error, SceneError::Mesh(_)));
     let expected = format!(
-        "error: face 1's corner 3 is vertex 2, which the file has not\n--> {}:2\n = note: expected 1 to 1, the number \
+        "error: face 1's corner 3 refers to vertex 2, but the file has only 1 vertex\n--> {}:2\n = note: expected 1 to 1, the number \
          of its vertices, or -1 and down for the last ones",
         bad.display()
     );
@@ -550,7 +465,7 @@ fn closed_shapes_are_closed_and_counter_clockwise_from_outside() {
 }
 
 #[test]
-fn a_terrain_is_seen_counter_clockwise_from_above_and_covers_its_square() {
+fn terrain_covers_its_square_counter_clockwise() {
     let mesh = terrain(5000, 9);
     let mut area = 0.0;
     for &triangle in &mesh.triangles {
@@ -564,7 +479,7 @@ fn a_terrain_is_seen_counter_clockwise_from_above_and_covers_its_square() {
 }
 
 #[test]
-fn shapes_have_the_number_of_triangles_nearest_to_what_was_asked_for() {
+fn shapes_have_nearly_the_triangles_asked_for() {
     for asked in [1_u64, 2, 20, 50, 51, 1000, 69_451, 100_000] {
         // The smaller of two.
         let nearest = |first: u64, triangles: u64| {
@@ -590,7 +505,7 @@ fn the_meshes_of_the_example_are_what_its_comment_says() {
         let file = folder.join(command.split(' ').next_back().unwrap());
         assert!(Mesh::read(&file).unwrap() == mesh, "{}", file.display());
     }
-    let scene = rayo::scene::read(&folder.join("island.toml")).unwrap();
+    let scene = rayo::internals::scene::read(&folder.join("island.toml")).unwrap();
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("island.png", 1682 + 900 + 2 * 1280));
 }
 
@@ -625,7 +540,7 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         for camera in [Camera::default(), camera(100, 900, 1.0), camera(900, 100, 3.0)] {
             for format in FORMATS {
                 let setting = Setting::of(&mesh, format, &camera).unwrap();
-                let scene = setting.scene(mesh.clone(), Vec3::ONE, String::new(), camera).unwrap();
+                let scene = setting.scene(mesh.clone(), String::new()).unwrap();
                 let seen = seen(&scene);
                 let reach = seen.iter().map(|(x, y)| x.abs().max(y.abs())).fold(0.0, f64::max);
                 assert!((0.45..0.92).contains(&reach), "{format}: {reach}");
@@ -640,7 +555,7 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         let mut mesh = points(up);
         mesh.vertices.push(0.1 * front);
         mesh.triangles.push([3, 1, 2]);
-        let scene = setting.scene(mesh, Vec3::ONE, String::new(), Camera::default()).unwrap();
+        let scene = setting.scene(mesh, String::new()).unwrap();
         let [origin, above, right] = scene.triangle(0).vertices;
         let [nearer, ..] = scene.triangle(1).vertices;
         assert!(above.y > origin.y && right.x > origin.x && nearer.z < origin.z, "{format}");
@@ -655,7 +570,8 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
     assert!(Setting::of(&point, MeshFormat::Obj, &Camera::default()).is_some());
 }
 
-/// The outline as an OBJ file with one face, in a plane of any direction, and what its triangles cover in that plane.
+/// The outline as an OBJ file with one face, in a plane of any direction, and what its triangles
+/// cover in that plane.
 fn cut(outline: &[(f32, f32)]) -> Result<Vec<[DVec2; 3]>, MeshError> {
     let (along, across) = (Vec3::new(2.0, 1.0, 2.0), Vec3::new(-2.0, 2.0, 1.0));
     let vertices: String = outline
@@ -675,7 +591,7 @@ fn doubled_area(outline: &[DVec2]) -> f64 {
 }
 
 #[test]
-fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
+fn concave_face_is_covered_exactly_once() {
     let comb = |teeth: i32| {
         let tooth =
             |i: i32| [(2 * i, 0), (2 * i + 1, 0), (2 * i + 1, 9), (2 * i + 2, 9)].map(|(u, v)| (u as f32, v as f32));
@@ -763,7 +679,7 @@ fn a_mesh_of_many_pieces_is_the_same_wherever_these_end() {
 }
 
 #[test]
-fn a_ply_file_is_read_alike_in_either_byte_order_whatever_it_has_and_wherever_it_ends() {
+fn ply_is_read_alike_in_either_byte_order() {
     const POINT: [(&str, &str); 3] = [("float", "x"), ("float", "y"), ("float", "z")];
     let colour = |of| ["red", "green", "blue"].map(|channel| (of, channel));
     let number = |of: &str, value: usize| match of {
@@ -807,7 +723,8 @@ fn a_ply_file_is_read_alike_in_either_byte_order_whatever_it_has_and_wherever_it
         let length = numbers.concat().len();
         assert!(read_both(&numbers, length).is_ok());
         (0..length).for_each(|end| assert!(read_both(&numbers, end).is_err()));
-        // A point that is nowhere, an index beyond the vertices, one below 0, a face of two corners.
+        // A point that is nowhere, an index beyond the vertices, one below 0, a face of two
+        // corners.
         for (at, wrong) in [
             (z, f32::NAN.to_le_bytes().to_vec()),
             (points + 1, 5_i32.to_le_bytes().to_vec()),
@@ -841,7 +758,7 @@ fn what_follows_the_elements_that_a_header_counts_is_told() {
 }
 
 #[test]
-fn lines_of_a_ply_file_that_are_longer_than_its_header_says_are_told() {
+fn ply_lines_longer_than_the_header_says_are_told() {
     let mesh = |format: &str, vertex: &str, face: &str| {
         let header = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
                       property list uchar int vertex_indices\nproperty uchar flags\nend_header\n";

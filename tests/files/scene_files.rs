@@ -1,11 +1,12 @@
-//! Scene files: what is read, what is refused and in which words, and that neither costs more memory than it may.
+//! Scene files: what is read, what is refused and in which words, and that neither costs more
+//! memory than it may.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::counting::peak_of;
 use glam::Vec3;
-use rayo::scene::{Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, read};
+use rayo::internals::scene::{Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, read};
 
 /// What diagnostics may take, however short the file.
 const SLACK: usize = 64 << 10;
@@ -107,21 +108,21 @@ fn a_negative_zero_in_a_colour_becomes_zero() {
 
 #[test]
 fn the_largest_images_are_accepted() {
-    for size in ["1000000 2147", "1 1000000", "32768 65536", "+640 00480"] {
+    for size in ["65535 32768", "1 65535", "32768 65535", "+640 00480"] {
         assert!(accepted(VALID.replace("640 480", size)).camera.pixels() <= MAX_PIXELS, "{size}");
     }
 }
 
 #[test]
 fn a_bad_value_is_named_with_its_place_and_what_was_expected() {
-    const SIDE: &str = "expected a whole number from 1 to 1000000";
+    const SIDE: &str = "expected a whole number from 1 to 65535";
     // (what is replaced in the valid file, by what, where, what is wrong)
     let cases = [
         ("640 480", "0 480", "2:1", "the width is 0: found `0`, "),
         ("640 480", "640 -480", "2:5", "the height is negative: found `-480`, "),
         ("640 480", "640.0 480", "2:1", "the width is not a whole number: found `640.0`, "),
         ("640 480", "640x480 480", "2:1", "the width is not a whole number: found `640x480`, "),
-        ("640 480", "1000001 1", "2:1", "the width is too large: found `1000001`, "),
+        ("640 480", "65536 1", "2:1", "the width is too large: found `65536`, "),
         ("640 480", "1 99999999999999999999999", "2:3", "the height is too large: found `99999999999999999999999`, "),
     ];
     for (good, bad, place, message) in cases {
@@ -164,9 +165,9 @@ const BAD_FILES: &str = r#"
  # a\n\n
     1:1: the file holds no scene: found the end of the file, expected an image name, then the image's width and height
 a
-    1:2: the width is missing: found the end of the file, expected a whole number from 1 to 1000000
+    1:2: the width is missing: found the end of the file, expected a whole number from 1 to 65535
 a 9 # b\n\n
-    1:4: the height is missing: found the end of the file, expected a whole number from 1 to 1000000
+    1:4: the height is missing: found the end of the file, expected a whole number from 1 to 65535
 a 9 9
     1:6: the focal distance is missing: found the end of the file, expected a number greater than 0
 a 9 9 1
@@ -189,8 +190,8 @@ a 9 9 1 99999999999999999999999999
     1:9: the light count is larger than what follows: found `99999999999999999999999999`, expected at most 0: 0 numbers follow, and a light takes 7
 a 9 9 1\n1\n1.5 1.5 1.5 1.5 1.5
     3:20: light 1's y is missing: found the end of the file, expected a number
-a 1000000 2148 1 0 0 0
-    1:11: an image of 1000000 x 2148 has more than 2147483648 pixels: found `2148`, expected a height of at most 2147 for that width
+a 65535 32769 1 0 0 0
+    1:9: an image of 65535 x 32769 has more than 2147483648 pixels: found `32769`, expected a height of at most 32768 for that width
 a 9 9 1 0 0 0\n 7 8
     2:2: the scene is complete here, and more follows: found `7`, expected the end of the file
 "#;
@@ -217,7 +218,7 @@ fn a_bad_file_is_refused_in_these_words() {
 fn columns_count_characters_and_no_byte_order_mark() {
     assert_eq!(
         refused("\u{feff}ñandú.png 0 480 1 0 0 0"),
-        ["test.in:1:11: the width is 0: found `0`, expected a whole number from 1 to 1000000"]
+        ["test.in:1:11: the width is 0: found `0`, expected a whole number from 1 to 65535"]
     );
 }
 
@@ -227,7 +228,7 @@ fn several_errors_are_told_in_one_go() {
     assert_eq!(
         refused(source),
         [
-            "test.in:2:5: the height is 0: found `0`, expected a whole number from 1 to 1000000",
+            "test.in:2:5: the height is 0: found `0`, expected a whole number from 1 to 65535",
             "test.in:5:8: light 1's green is not a number: found `x`, expected a number of at least 0",
             "test.in:7:1: sphere 1's radius is negative: found `-30`, expected a number greater than 0",
             "test.in:11:1: the scene is complete here, and more follows: found `end`, expected the end of the file",
@@ -332,7 +333,7 @@ fn a_device_without_an_end_is_not_read_to_the_end() {
 }
 
 #[test]
-fn every_scene_of_the_project_is_read_and_names_its_image_after_itself() {
+fn scenes_of_the_project_name_images_after_themselves() {
     let files = scenes();
     assert!(files.len() >= 5, "{files:?}");
     for file in files {
@@ -413,7 +414,8 @@ fn bits(scene: &impl std::fmt::Debug) -> String {
 fn a_scene_that_is_written_and_read_is_the_same_bit_by_bit() {
     let mut rng = Rng::new(1);
     for seed in 0..300 {
-        // Any numbers that are neither infinite nor NaN, and where these are not to be negative, their absolute values.
+        // Any numbers that are neither infinite nor NaN, and where these are not to be negative,
+        // their absolute values.
         let mut number =
             || std::iter::repeat_with(|| f32::from_bits(rng.next_u64() as u32)).find(|x| x.is_finite()).unwrap();
         let mut point = || Vec3::from_array([(); 3].map(|()| number()));
@@ -446,7 +448,7 @@ fn misfit(source: &str) -> Option<String> {
 }
 
 #[test]
-fn where_lines_and_counts_disagree_the_first_line_that_does_not_fit_is_named() {
+fn first_line_that_does_not_fit_a_count_is_named() {
     let scene = "x.png\n9 9\n1\n2 # lights\n1  1 1 1  0 5 0\n1  1 1 1  0 5 0\n\n1\n2  1 1 1  0 0 9\n0\n";
     assert!(parse(scene.as_bytes(), "a scene of this test").is_ok());
     let said = |line: &str, of_line: &str| Some(format!("line {line} has {of_line}"));

@@ -1,13 +1,16 @@
-//! Scene files in TOML: what is read and where it stands for the camera, what is refused, and in which words.
+//! Scene files in TOML: what is read and where it stands for the camera, what is refused, and in
+//! which words.
 
 use std::fs;
 use std::path::Path;
 
 use crate::counting::peak_of;
 use glam::{DMat3, DVec3, Vec3};
-use rayo::scene::mesh::Placement;
-use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, many, open, parse_toml, read};
+use rayo::internals::scene::mesh::Placement;
+use rayo::internals::scene::mesh::shapes::icosphere;
+use rayo::internals::scene::{
+    Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, many, open, parse_toml, read,
+};
 
 /// Parses, and holds the memory that it takes to a multiple of the file.
 fn parse(source: &[u8]) -> Result<Opened, SceneError> {
@@ -62,14 +65,14 @@ fn every_value_of_a_file_lands_in_its_place() {
         1  0.5  1 0.25 0  20 -20 0
         2  30  1 1 1  0 0 120    2.5  0 0.5 1  -10 0.5 7
         1  1 0 0  0 0 1  1 0 1  0 1 1";
-    let same = rayo::scene::parse(same.as_bytes(), "the same objects").unwrap();
+    let same = rayo::internals::scene::parse(same.as_bytes(), "the same objects").unwrap();
     let expected = Scene { name: "room.png".into(), camera: Camera::new(640, 480, 2.0, 35.0).unwrap(), ..same };
     assert_eq!(accepted(VALID), expected);
     assert_eq!(accepted(format!("\u{feff}{}", VALID.replace('\n', "\r\n"))), expected);
 }
 
 #[test]
-fn a_file_of_more_text_than_is_read_is_refused_before_it_takes_the_memory() {
+fn too_much_text_is_refused_before_it_takes_memory() {
     let directory = tempfile::tempdir().unwrap();
     let long = directory.path().join("long.toml");
     fs::File::create(&long).unwrap().set_len((32 << 20) + 1).unwrap();
@@ -80,7 +83,7 @@ fn a_file_of_more_text_than_is_read_is_refused_before_it_takes_the_memory() {
 }
 
 #[test]
-fn triangles_of_no_area_are_told_with_their_lines_and_those_of_meshes_by_their_numbers() {
+fn triangles_of_no_area_are_told_by_line_or_number() {
     let directory = tempfile::tempdir().unwrap();
     let path = |name: &str| directory.path().join(name);
     let mut text = "image = { width = 9, height = 7 }\n".to_owned();
@@ -179,6 +182,43 @@ fn the_world_is_moved_into_the_cameras_frame() {
     assert_eq!(world("position = [1e6, 0, 0]\nlook_at = [1e6, 0, 5]", [1_000_000.001, 0.0, 1.0]).x, 0.001_f32);
 }
 
+/// The light, the centre of the sphere and the corners of the triangle.
+fn points_of(scene: &Scene) -> impl Iterator<Item = Vec3> {
+    let corners = scene.triangles[0].vertices;
+    [scene.lights[0].position, scene.spheres[0].centre].into_iter().chain(corners)
+}
+
+#[test]
+fn a_scene_that_was_read_is_seen_from_places_in_its_own_world() {
+    let world = |camera: &str| {
+        accepted(format!(
+            "image = {{ width = 9, height = 7 }}\n[camera]\n{camera}\n[[light]]\nposition = [-4, 6.5, -3]\n\
+             [[sphere]]\nradius = 1\ncentre = [0.3, 0.1, 2.7]\n\
+             [[triangle]]\nvertices = [[0.1, -1, 4], [1.7, 0.3, 4], [0.2, 1.1, 3.9]]\n"
+        ))
+    };
+    let views = [
+        "position = [3, 1.2, -5]\nlook_at = [0, 0.1, 2]",
+        "position = [-7.5, 4, 11]\nlook_at = [1, 0, 2]\nup = [0.1, 1, 0.2]",
+        "position = [0, 50, 2]\nlook_at = [0, 0, 2]\nup = [0, 0, 1]",
+        "",
+    ];
+    for from in views {
+        let scene = world(from);
+        assert_eq!(scene.seen_from(scene.view).unwrap(), scene, "{from}");
+        assert_eq!(scene.seen_from(scene.orbit(0.0).unwrap()).unwrap(), scene, "{from}");
+        for to in views {
+            let (expected, moved) = (world(to), scene.seen_from(world(to).view).unwrap());
+            assert_eq!(moved.view, expected.view);
+            for (moved, expected) in points_of(&moved).zip(points_of(&expected)) {
+                // Each is rounded to f32 in the frame of the first camera too, which is at most 60
+                // away.
+                assert!(moved.distance(expected) < 1e-5, "{from}, then {to}: {moved}, expected {expected}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_mesh_is_scaled_then_rotated_then_moved() {
     let placed = |scale, rotate, translate, point: DVec3| {
@@ -209,7 +249,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn mesh_files_are_found_beside_the_scene_and_follow_its_triangles() {
+fn mesh_files_are_beside_the_scene_after_its_triangles() {
     let folder = folder();
     let file = folder.path().join("scene.toml");
     let text = "image = { width = 9, height = 7 }\n[camera]\nposition = [0, 0, -1]\n\
@@ -267,18 +307,19 @@ fn a_bad_mesh_is_told_where_the_scene_names_it() {
     );
 }
 
-/// What is replaced in the valid file by what, and the error that this gives: place, what is wrong, what was expected.
+/// What is replaced in the valid file by what, and the error that this gives: place, what is wrong,
+/// what was expected.
 const BAD_FILES: &str = r#"
 width = 640 -> width = 0
-    4:9: the image's width is out of range: found `0`, expected a whole number from 1 to 1000000
+    4:9: the image's width is out of range: found `0`, expected a whole number from 1 to 65535
 width = 640 -> width = -5
-    4:9: the image's width is out of range: found `-5`, expected a whole number from 1 to 1000000
+    4:9: the image's width is out of range: found `-5`, expected a whole number from 1 to 65535
 width = 640 -> width = 640.0
-    4:9: the image's width is a number: found `640.0`, expected a whole number from 1 to 1000000
+    4:9: the image's width is a number: found `640.0`, expected a whole number from 1 to 65535
 width = 640 ->
-    2:1: the image has no width: found `[image]`, expected `width`: a whole number from 1 to 1000000
+    2:1: the image has no width: found `[image]`, expected `width`: a whole number from 1 to 65535
 width = 640 -> widht = 640
-    2:1: the image has no width: found `[image]`, expected `width`: a whole number from 1 to 1000000
+    2:1: the image has no width: found `[image]`, expected `width`: a whole number from 1 to 65535
 "room.png" -> 7
     3:8: the image's file is a number: found `7`, expected the name of a picture
 "room.png" -> ""
@@ -298,11 +339,11 @@ film = 35.0 -> position = 3
 film = 35.0 -> look_at = [0, 0, 0]
     9:11: the camera looks at where it stands, which is no direction: found `[0, 0, 0]`, expected a point other than the camera's position
 film = 35.0 -> up = [0, 0, -2]
-    9:6: the camera's up is the direction of its view, or nothing: found `[0, 0, -2]`, expected a direction across the view, such as up = [0, 1, 0]
+    9:6: the camera's up is parallel to its view, or zero: found `[0, 0, -2]`, expected a direction across the view, such as up = [0, 1, 0]
 film = 35.0 -> up = [0, 0, 0]
-    9:6: the camera's up is the direction of its view, or nothing: found `[0, 0, 0]`, expected a direction across the view, such as up = [0, 1, 0]
+    9:6: the camera's up is parallel to its view, or zero: found `[0, 0, 0]`, expected a direction across the view, such as up = [0, 1, 0]
 film = 35.0 -> look_at = [0, 5, 0]
-    7:1: the camera's up is the direction of its view, or nothing: found `[camera]`, expected a direction across the view, such as up = [0, 0, 1]
+    7:1: the camera's up is parallel to its view, or zero: found `[camera]`, expected a direction across the view, such as up = [0, 0, 1]
 [20, -20.0, 0] -> [20, -20.0]
     12:12: light 1's position has 2 of its three numbers: found `[20, -20.0]`, expected three numbers, as in [0, 0, 5]
 [20, -20.0, 0] -> [20, -20.0, 0, 1]
@@ -361,11 +402,11 @@ fn a_bad_file_is_refused_in_these_words() {
         ["test.toml:18:10: sphere 1's centre leaves the range of f32, seen from the camera: found `[0, 0, -3e38]`, \
           expected coordinates within 3.4e38"]
     );
-    let image = "image = { width = 1000000, height = 2148 }";
+    let image = "image = { width = 65535, height = 32769 }";
     assert_eq!(
         refused(image),
         [
-            "test.toml:1:37: an image of 1000000 x 2148 has more than 2147483648 pixels: found `2148`, expected a height of at most 2147 for that width"
+            "test.toml:1:35: an image of 65535 x 32769 has more than 2147483648 pixels: found `32769`, expected a height of at most 32768 for that width"
         ]
     );
     assert_eq!(
@@ -421,7 +462,7 @@ fn bits(scene: &Scene) -> String {
 }
 
 #[test]
-fn a_scene_that_is_written_in_toml_and_read_is_the_same_bit_by_bit() {
+fn scene_survives_toml_bit_by_bit() {
     let mut scene = many(40, 40, 3);
     scene.camera = Camera::new(640, 480, 35.0, 43.3).unwrap();
     scene.spheres[0].centre = Vec3::new(-0.0, f32::from_bits(1), f32::MAX);
@@ -445,10 +486,10 @@ fn the_scene_of_a_mesh_is_the_same_by_way_of_toml() {
         let camera = Camera::new(300, 200, 1.5, 1.0).unwrap();
         let alone = open(&path, &camera).unwrap();
         assert!(alone.notes.iter().any(|note| note.contains("a mesh alone")), "{:?}", alone.notes);
-        let mesh = rayo::scene::Mesh::read(&path).unwrap();
+        let mesh = rayo::internals::scene::Mesh::read(&path).unwrap();
         let setting = Setting::of(&mesh, format, &camera).unwrap();
         let toml = folder.path().join("ball.toml");
-        fs::write(&toml, setting.to_toml(&file, "ball.png", &camera)).unwrap();
+        fs::write(&toml, setting.to_toml(&file, "ball.png")).unwrap();
         assert_eq!(read(&toml).unwrap(), alone.scene, "{format}");
     }
 }

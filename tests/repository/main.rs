@@ -1,12 +1,5 @@
-//! The repository: the rules that its sources keep, and its documents, kept true.
-
-#[cfg(feature = "cli")]
-#[path = "../common/extent.rs"]
-mod extent;
-#[cfg(feature = "cli")]
-#[path = "../common/program.rs"]
-mod program;
+//! The repository: the rules that its sources keep.
 
 mod architecture;
-#[cfg(feature = "cli")]
-mod docs;
+mod nasm_errors;
+mod pages;

@@ -1,4 +1,5 @@
-//! Packets of numbers as plain arrays: each operation is on every lane, and compilers make vector instructions of it.
+//! Packets of numbers as plain arrays: each operation is on every lane, and compilers make vector
+//! instructions of it.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -78,7 +79,8 @@ macro_rules! number {
             fn to_level(self) -> u32 {
                 let level = if self < 255.0 { self } else { 255.0 };
                 let level = if level > 0.0 { level } else { 0.0 };
-                // SAFETY: it is no NaN, and from 0 to 255: a cast that asked once more would take longer than all the rest.
+                // SAFETY: it is no NaN, and from 0 to 255: a cast that asked once more would take
+                // longer than all the rest.
                 unsafe { level.to_int_unchecked::<i32>() as u32 }
             }
         }
@@ -211,7 +213,8 @@ pub trait Lanes:
     fn with_sign_of(self, sign: Self) -> Self {
         self.zip(sign, Number::with_sign_of)
     }
-    /// Rounded down to integers. The standard library's floor is a function call where SSE4.1 may be missing.
+    /// Rounded down to integers. The standard library's floor is a function call where SSE4.1 may
+    /// be missing.
     #[inline(always)]
     fn floor(self) -> Self {
         let rounded = ((self.abs() + Self::all(Number::INTEGERS)) - Self::all(Number::INTEGERS)).with_sign_of(self);
@@ -299,7 +302,8 @@ pub fn zip<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
     [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
 }
 
-/// An array's `map` that is always inlined; in large functions the compiler does not inline the standard library's.
+/// An array's `map` that is always inlined; in large functions the compiler does not inline the
+/// standard library's.
 pub trait Each<T, const K: usize> {
     /// The results of a function of each.
     fn each<U: Copy>(self, f: impl FnMut(T) -> U) -> [U; K];

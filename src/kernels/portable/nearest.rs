@@ -11,8 +11,8 @@ use super::super::records::{
     AroundSphere, Candidate, Element, SphereArrays, SpherePlanes, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile,
     TriangleArrays, TrianglePlanes,
 };
-use super::super::tiles::{TileGrid, TileWindow};
-use super::lanes::{Each, Lanes, Number};
+use super::super::tiles::{SetUpObjects, TileGrid, TileWindow};
+use super::lanes::{Each, Lanes, Number, Packet, cross_unfused, dot_unfused};
 use super::spheres;
 
 /// The division of a tile into blocks, each of as many pixels as there are lanes.
@@ -39,11 +39,18 @@ impl<L: Lanes> Blocks<L> {
 }
 
 /// name0 + namex x + namey y, along a row: PLANE_ROW and PLANE_AT.
-type Row<L> = [L; 2];
+pub type Row<L> = [L; 2];
 
 #[inline(always)]
 fn at<L: Lanes>([row, factor]: Row<L>, x: L) -> L {
     row.fma(factor, x)
+}
+
+/// The columns and rows where an object may be, as in [`Candidate`], and its id in the tile.
+pub struct PixelsAndId<E> {
+    columns: u32,
+    rows: u32,
+    id: E,
 }
 
 /// Objects of a kind as functions of a tile's pixels. All lanes have the same object.
@@ -53,11 +60,13 @@ pub trait Planes<L: Lanes> {
     /// The function of an object along a row.
     type Row: Copy;
 
-    /// The columns and rows where an object may be, and its id in the tile.
-    fn place(&self, of: &Self::Transposed, at: usize) -> ([u32; 2], L::Number);
-    /// The values of its measure from which it may be hit, within rounding, and from which it surely is.
+    /// Where an object may be, and its id in the tile.
+    fn place(&self, of: &Self::Transposed, at: usize) -> PixelsAndId<L::Number>;
+    /// The values of its measure from which it may be hit, within rounding, and from which it
+    /// surely is.
     fn bounds(&self, at: usize) -> [L; 2];
-    /// The function along a row of blocks, with pixels y from the tile's middle, which is at `middle` in the picture.
+    /// The function along a row of blocks, with pixels y from the tile's middle, which is at
+    /// `middle` in the picture.
     fn row(&self, at: usize, y: L, middle: [f64; 2]) -> Self::Row;
     fn measure(row: Self::Row, x: L) -> L;
     /// Its 1/t at x, where it has this measure.
@@ -71,14 +80,75 @@ fn wide(numbers: [&[u32]; 3], at: usize) -> DVec3 {
     DVec3::from_array(numbers.each(|numbers| f32::from_bits(numbers[at]).into()))
 }
 
+/// One number in f64, nothing fused, as the reference decides.
+type One = Packet<f64, 1, false>;
+
+fn one(v: DVec3) -> [One; 3] {
+    v.to_array().each(One::of)
+}
+
+/// Whether a ray is inside all edges of a triangle whose volume has the sign of `side`:
+/// IF_OUTSIDE_TRIANGLE.
+#[inline(always)]
+pub fn is_in_triangle<W: Lanes<Number = f64>>([a, b, c]: [[W; 3]; 3], side: W, d: [W; 3]) -> bool {
+    let side = W::of(1.0).with_sign_of(side);
+    let is_inside = |(v, w)| (dot_unfused(d, cross_unfused(v, w)) * side).not_less(W::of(0.0)).any();
+    [(a, b), (b, c), (c, a)].into_iter().all(is_inside)
+}
+
+/// Whether a ray meets a sphere: IF_OUTSIDE_SPHERE. The squares of d x c are those of c x d.
+#[inline(always)]
+pub fn is_in_sphere<W: Lanes<Number = f64>>(centre: [W; 3], radius: W, d: [W; 3]) -> bool {
+    let across = cross_unfused(d, centre);
+    (dot_unfused(d, d) * radius * radius).not_less(dot_unfused(across, across)).any()
+}
+
+/// A sphere along a row of pixels, from its own origin.
+#[derive(Clone, Copy)]
+pub struct SphereFunctions<L> {
+    /// D at x = 0, and its coefficients of x and x^2.
+    pub d: [L; 3],
+    pub h: Row<L>,
+}
+
+/// A sphere along the row y from its origin: SPHERE_ROW.
+#[inline(always)]
+pub fn sphere_row<L: Lanes>(planes: &SpherePlanes<L::Number>, at: usize, y: L) -> SphereFunctions<L> {
+    let all = |numbers: &[L::Number; _]| L::all(numbers[at]);
+    let d = all(&planes.d0).fma(all(&planes.dy).fma(all(&planes.dyy), y), y);
+    let linear = all(&planes.dx).fma(all(&planes.dxy), y);
+    let h = all(&planes.h).fma(all(&planes.hy), y);
+    SphereFunctions { d: [d, linear, all(&planes.dxx)], h: [h, all(&planes.hx)] }
+}
+
+/// D at x from a sphere's origin: SPHERE_D_AT.
+#[inline(always)]
+pub fn sphere_d<L: Lanes>([d, linear, square]: [L; 3], x: L) -> L {
+    d.fma(linear.fma(square, x), x)
+}
+
+/// 1/t there: SPHERE_INVERSE_AT.
+#[inline(always)]
+pub fn sphere_inverse<L: Lanes>(h: Row<L>, x: L, d: L, most: L) -> L {
+    (at(h, x) + d.max(L::of(0.0)).sqrt()).min(most)
+}
+
+/// A triangle along a row of pixels.
+#[derive(Clone, Copy)]
+pub struct TriangleRow<L> {
+    edges: [Row<L>; 3],
+    /// 1/t, and its upper bound.
+    inverse: Row<L>,
+    most: L,
+}
+
 impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
     type Transposed = TriangleArrays;
-    /// Three edges, 1/t, and the upper bound of 1/t.
-    type Row = ([Row<L>; 4], L);
+    type Row = TriangleRow<L>;
 
     #[inline(always)]
-    fn place(&self, of: &TriangleArrays, at: usize) -> ([u32; 2], L::Number) {
-        ([of.columns[at], of.rows[at]], self.id[at])
+    fn place(&self, of: &TriangleArrays, at: usize) -> PixelsAndId<L::Number> {
+        PixelsAndId { columns: of.columns[at], rows: of.rows[at], id: self.id[at] }
     }
     #[inline(always)]
     fn bounds(&self, _: usize) -> [L; 2] {
@@ -95,32 +165,41 @@ impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
         let along = |(origin, across, down): (&[_; _], &[_; _], &[_; _])| {
             [L::all(origin[at]).fma(L::all(down[at]), y), L::all(across[at])]
         };
-        (planes.each(along), L::all(self.most[at]))
+        let [first, second, third, inverse] = planes.each(along);
+        TriangleRow { edges: [first, second, third], inverse, most: L::all(self.most[at]) }
     }
     #[inline(always)]
-    fn measure(([a, b, c, _], _): Self::Row, x: L) -> L {
+    fn measure(TriangleRow { edges: [a, b, c], .. }: Self::Row, x: L) -> L {
         at(a, x).min(at(b, x)).min(at(c, x))
     }
     #[inline(always)]
-    fn inverse(([_, _, _, t], most): Self::Row, x: L, _: L) -> L {
-        at(t, x).min(most)
+    fn inverse(TriangleRow { inverse, most, .. }: Self::Row, x: L, _: L) -> L {
+        at(inverse, x).min(most)
     }
     fn hits(&self, of: &TriangleArrays, at: usize, d: DVec3) -> bool {
         let [a, b, c] = [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
             .each(|corner| wide(corner.each(|numbers| &numbers[..]), at));
-        let side = 1f64.copysign(self.side[at].to_f64());
-        [(a, b), (b, c), (c, a)].into_iter().all(|(v, w)| d.dot(v.cross(w)) * side >= 0.0)
+        is_in_triangle([a, b, c].each(one), One::of(self.side[at].to_f64()), one(d))
     }
+}
+
+/// A sphere along a row of pixels.
+#[derive(Clone, Copy)]
+pub struct SphereRow<L> {
+    functions: SphereFunctions<L>,
+    /// The upper bound of 1/t.
+    most: L,
+    /// The offset of the sphere's origin from the tile's middle, in columns.
+    offset: L,
 }
 
 impl<L: Lanes> Planes<L> for SpherePlanes<L::Number> {
     type Transposed = SphereArrays;
-    /// D at x = 0, its coefficients of x and x^2, h, the upper bound of 1/t, and its origin's offset from the middle.
-    type Row = ([L; 3], Row<L>, L, L);
+    type Row = SphereRow<L>;
 
     #[inline(always)]
-    fn place(&self, of: &SphereArrays, at: usize) -> ([u32; 2], L::Number) {
-        ([of.columns[at], of.rows[at]], self.id[at])
+    fn place(&self, of: &SphereArrays, at: usize) -> PixelsAndId<L::Number> {
+        PixelsAndId { columns: of.columns[at], rows: of.rows[at], id: self.id[at] }
     }
     #[inline(always)]
     fn bounds(&self, at: usize) -> [L; 2] {
@@ -131,23 +210,19 @@ impl<L: Lanes> Planes<L> for SpherePlanes<L::Number> {
     fn row(&self, at: usize, y: L, [column, row]: [f64; 2]) -> Self::Row {
         let all = |numbers: &[L::Number; _]| L::all(numbers[at]);
         let y = y + (L::of(row) - all(&self.row));
-        let d = all(&self.d0).fma(all(&self.dy).fma(all(&self.dyy), y), y);
-        let linear = all(&self.dx).fma(all(&self.dxy), y);
-        let h = all(&self.h).fma(all(&self.hy), y);
-        ([d, linear, all(&self.dxx)], [h, all(&self.hx)], all(&self.most), L::of(column) - all(&self.column))
+        let functions = sphere_row(self, at, y);
+        SphereRow { functions, most: all(&self.most), offset: L::of(column) - all(&self.column) }
     }
     #[inline(always)]
-    fn measure(([d, linear, square], _, _, offset): Self::Row, x: L) -> L {
-        let x = x + offset;
-        d.fma(linear.fma(square, x), x)
+    fn measure(SphereRow { functions, offset, .. }: Self::Row, x: L) -> L {
+        sphere_d(functions.d, x + offset)
     }
     #[inline(always)]
-    fn inverse((_, h, most, offset): Self::Row, x: L, d: L) -> L {
-        (at(h, x + offset) + d.max(L::of(0.0)).sqrt()).min(most)
+    fn inverse(SphereRow { functions, most, offset }: Self::Row, x: L, d: L) -> L {
+        sphere_inverse(functions.h, x + offset, d, most)
     }
     fn hits(&self, of: &SphereArrays, at: usize, d: DVec3) -> bool {
-        let (radius, x) = (f64::from(f32::from_bits(of.radius[at])), wide([&of.x, &of.y, &of.z], at).cross(d));
-        d.dot(d) * radius * radius >= x.dot(x)
+        is_in_sphere(one(wide([&of.x, &of.y, &of.z], at)), One::of(f32::from_bits(of.radius[at]).into()), one(d))
     }
 }
 
@@ -157,10 +232,78 @@ fn within(bounds: u32, tile: u32, window: Range<u32>) -> Range<usize> {
     place(bounds & 0xffff).max(window.start as usize)..place(bounds >> 16).min(window.end as usize)
 }
 
-/// Gives the window's pixels where nothing is nearer, or as near and first, to the first `count` objects.
+/// An object that is tested at the pixels of a tile.
+struct TestedObject<'a, L: Lanes, P: Planes<L>> {
+    planes: &'a P,
+    arrays: &'a P::Transposed,
+    order: &'a [u32],
+    window: &'a TileWindow,
+    grid: &'a TileGrid,
+    /// Its index among the objects.
+    index: usize,
+    id: L::Number,
+    /// See [`Planes::bounds`].
+    inside: L,
+    sure: L,
+}
+
+/// The measure and 1/t of an object at the pixels of a block, and the 1/t that is nearest so far.
+#[derive(Clone, Copy)]
+struct BlockOfHits<L> {
+    measure: L,
+    w: L,
+    there: L,
+    /// A mask of the lanes that are hit within rounding, and no farther than what is there.
+    hit: L,
+}
+
+impl<L: Lanes, P: Planes<L>> TestedObject<'_, L, P> {
+    /// Gives the object its pixels of the block whose first one has this index in the tile: x are
+    /// their columns from the tile's middle.
+    #[inline(always)]
+    fn test_block(&self, row: P::Row, x: L, first: usize, near: &mut [L::Number], who: &mut [L::Number]) {
+        let measure = P::measure(row, x);
+        let there = L::load(near);
+        let hit = measure.not_less(self.inside);
+        if hit.any() {
+            let w = P::inverse(row, x, measure);
+            let mut hit = hit.and(w.not_less(there));
+            if hit.any() {
+                let open = w.equal(there).zip(self.sure.greater(measure), Number::or);
+                if hit.and(open).any() {
+                    let block = BlockOfHits { measure, w, there, hit };
+                    hit = L::from_fn(|lane| Number::mask(self.stays(&block, lane, first + lane, who[lane])));
+                }
+                hit.select(w, there).store(near);
+                hit.select(L::all(self.id), L::load(who)).store(who);
+            }
+        }
+    }
+
+    /// Whether a hit stays where it is equally near as another, or within rounding of an edge.
+    /// Equally near: the first in the scene wins, and an empty pixel wins any tie. Within the
+    /// rounding f64 decides, as in the reference.
+    #[inline(always)]
+    fn stays(&self, block: &BlockOfHits<L>, lane: usize, pixel: usize, owner: L::Number) -> bool {
+        let place = |id: L::Number| self.order[id.to_index() as usize];
+        let comes_first = || place(owner) > place(self.id);
+        let is_hit = || {
+            let [column, row] = Blocks::<L>::pixel(pixel);
+            let centre = |tile: u32, pixel: usize| self.grid.step * (f64::from(tile) + pixel as f64 + 0.5);
+            let x = centre(self.window.column, column) - self.grid.half_width;
+            let y = self.grid.half_height - centre(self.window.row, row);
+            self.planes.hits(self.arrays, self.index, DVec3::new(x, y, self.grid.focal))
+        };
+        let is_tie = block.w.lane(lane) == block.there.lane(lane);
+        let is_sure = block.measure.lane(lane) >= self.sure.lane(lane);
+        block.hit.lane(lane).is_set() && (!is_tie || comes_first()) && (is_sure || is_hit())
+    }
+}
+
+/// Gives the window's pixels where nothing is nearer, or as near and first, to objects.
 pub fn nearest<L: Lanes, P: Planes<L>>(
     tile: &mut Tile<L::Number>,
-    (planes, of, count): (&P, &P::Transposed, usize),
+    SetUpObjects { planes, arrays, count }: SetUpObjects<'_, P, P::Transposed>,
     order: &[u32],
     window: &TileWindow,
     grid: &TileGrid,
@@ -168,57 +311,26 @@ pub fn nearest<L: Lanes, P: Planes<L>>(
     let [block_x, block_y] = Blocks::<L>::pixels();
     let (width, height) = (Blocks::<L>::WIDTH, Blocks::<L>::HEIGHT);
     let middle = [window.column as usize + TILE_WIDTH / 2, window.row as usize + TILE_HEIGHT / 2].each(|x| x as f64);
-    for object in 0..count {
-        let ([columns, rows], id) = planes.place(of, object);
-        let (columns, rows) =
-            (within(columns, window.column, 0..window.columns), within(rows, window.row, window.rows.clone()));
+    for index in 0..count {
+        let PixelsAndId { columns, rows, id } = planes.place(arrays, index);
+        let columns = within(columns, window.column, 0..window.columns);
+        let rows = within(rows, window.row, window.rows.clone());
         if columns.is_empty() || rows.is_empty() {
             continue;
         }
         let blocks = columns.start / width..columns.end.div_ceil(width);
-        let ([inside, sure], own) = (planes.bounds(object), L::all(id));
+        let [inside, sure] = planes.bounds(index);
+        let tested = TestedObject { planes, arrays, order, window, grid, index, id, inside, sure };
         for down in rows.start / height..rows.end.div_ceil(height) {
             let y = L::of((down * height) as f64 - (TILE_HEIGHT / 2) as f64) + block_y;
-            let row = planes.row(object, y, middle);
+            let row = planes.row(index, y, middle);
             let mut x = L::of((blocks.start * width) as f64 - (TILE_WIDTH / 2) as f64) + block_x;
             let pixels = (down * Blocks::<L>::ACROSS + blocks.start) * L::COUNT
                 ..(down * Blocks::<L>::ACROSS + blocks.end) * L::COUNT;
             let near = tile.near[pixels.clone()].chunks_exact_mut(L::COUNT);
             let who = tile.who[pixels.clone()].chunks_exact_mut(L::COUNT);
             for ((near, who), first) in near.zip(who).zip(pixels.step_by(L::COUNT)) {
-                let measure = P::measure(row, x);
-                let there = L::load(near);
-                let hit = measure.not_less(inside);
-                if hit.any() {
-                    let w = P::inverse(row, x, measure);
-                    let mut hit = hit.and(w.not_less(there));
-                    if hit.any() {
-                        let open = w.equal(there).zip(sure.greater(measure), Number::or);
-                        if hit.and(open).any() {
-                            // Equally near: the first in the scene wins, and an empty pixel wins any tie. Within the
-                            // rounding f64 decides, as in the reference.
-                            hit = L::from_fn(|lane| {
-                                let comes_first =
-                                    || order[who[lane].to_index() as usize] > order[id.to_index() as usize];
-                                let is_hit = || {
-                                    let [column, row] = Blocks::<L>::pixel(first + lane);
-                                    let centre =
-                                        |tile: u32, pixel: usize| grid.step * (f64::from(tile) + pixel as f64 + 0.5);
-                                    let x = centre(window.column, column) - grid.half_width;
-                                    let y = grid.half_height - centre(window.row, row);
-                                    planes.hits(of, object, DVec3::new(x, y, grid.focal))
-                                };
-                                let is_tie = w.lane(lane) == there.lane(lane);
-                                let is_sure = measure.lane(lane) >= sure.lane(lane);
-                                let stays =
-                                    hit.lane(lane).is_set() && (!is_tie || comes_first()) && (is_sure || is_hit());
-                                Number::mask(stays)
-                            });
-                        }
-                        hit.select(w, there).store(near);
-                        hit.select(own, L::load(who)).store(who);
-                    }
-                }
+                tested.test_block(row, x, first, near, who);
                 x = x + L::of(width as f64);
             }
         }

@@ -136,7 +136,8 @@ pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// The pixels of rows, whose three weights are equal if `GREY`. Inlined, it has the instructions that its caller may use.
+/// The pixels of rows, whose three weights are equal if `GREY`. Inlined, it has the instructions
+/// that its caller may use.
 #[inline(always)]
 pub fn shade_rows<L: Lanes, P: Pixel, const GREY: bool>(
     sphere: &LitSphere<L::Number>,
@@ -156,13 +157,13 @@ pub fn shade_rows<L: Lanes, P: Pixel, const GREY: bool>(
 
 /// The pixels of a row that see the sphere.
 pub struct Span<'a, L: Lanes, const GREY: bool> {
-    sphere: &'a LitSphere<L::Number>,
+    pub sphere: &'a LitSphere<L::Number>,
     /// Of the first.
-    j: L::Number,
-    m: L,
-    a: L,
-    h0: L,
-    q0: L,
+    pub j: L::Number,
+    pub m: L,
+    pub a: L,
+    pub h0: L,
+    pub q0: L,
 }
 
 impl<L: Lanes, const GREY: bool> Span<'_, L, GREY> {
@@ -178,7 +179,7 @@ impl<L: Lanes, const GREY: bool> Span<'_, L, GREY> {
 
     /// SPHERE_LIT of a packet with an end of the span in it: inside of one p is above 0.
     #[inline(always)]
-    fn light(&self, j: L) -> L {
+    pub fn light(&self, j: L) -> L {
         let LitSphere { h1, q1, kn, ke, .. } = *self.sphere;
         let u = j - self.m;
         let root = self.a.fnma(u, u).max(L::of(0.0)).sqrt();

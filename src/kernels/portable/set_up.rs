@@ -1,20 +1,24 @@
-//! Triangles: their bounds in the picture, and planes over a tile's pixels: asm/tracers/bounds.asm and set_up.asm.
+//! Triangles: their bounds in the picture, and planes over a tile's pixels: asm/tracers/bounds.asm
+//! and set_up.asm.
 
 use super::super::objects::{ObjectList, TriangleList};
 use super::super::records::{
-    BoundsView, CHUNK, Candidate, Element, TileShade, TileView, TriangleArrays, TrianglePlanes,
+    BoundsView, CHUNK, Candidate, Element, TileLight, TileShade, TileView, TriangleArrays, TrianglePlanes,
 };
-use super::super::tiles::{Extremes, TriangleChunk, above};
+use super::super::tiles::{CandidatesFound, Extremes, TriangleChunk, above};
 use super::super::types::Plain;
 use super::lanes::{Each, Lanes, Number, cross_unfused, dot, zip};
 
 /// A volume below this share of the sum of its terms is 0 but for rounding.
 const PLANE: f64 = 4.0 * f64::EPSILON;
+/// What a product of two rounded sides loses of itself: three roundings of half of EPSILON each,
+/// and a little for the products of these errors. `proofs/product-of-sides.g` proves it.
+pub const PRODUCT_ROUNDING: f64 = 1.5 * f64::EPSILON * (1.0 + 1.0 / (1u64 << 49) as f64);
 /// The projection of a corner nearer than this could overflow.
 const LEAST: f64 = 1e-30;
 
-/// The bounds of an object in each lane: the first column and one past the last, rows likewise, and the upper bound of
-/// 1/t.
+/// The bounds of an object in each lane: the first column and one past the last, rows likewise, and
+/// the upper bound of 1/t.
 pub struct Bounds<L> {
     pub columns: [L; 2],
     pub rows: [L; 2],
@@ -62,9 +66,10 @@ fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
-/// A mask of the lanes of which v . n loses eight times as much at the first corner as at another: BETTER_CORNER.
+/// A mask of the lanes of which v . n loses eight times as much at the first corner as at another:
+/// BETTER_CORNER.
 #[inline(always)]
-fn better_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
+pub fn better_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
     let square = |v: [L; 3]| dot(v, v);
     let [ab, ac, bc] = [(a, b), (a, c), (b, c)].each(|(v, w)| square(zip(v, w, L::sub)));
     let [a, b, c] = [square(a) * ab * ac, square(b) * bc * ab, square(c) * bc * ac];
@@ -77,9 +82,12 @@ pub fn bounds<L: Lanes<Number = f32>>(
     first_id: u32,
     keep_all: bool,
     candidates: &mut [Candidate],
-) -> (usize, Extremes) {
-    let (mut count, mut extremes, mut of) = (0, Extremes::NONE, TriangleArrays::ZERO);
-    let (mut nearest, mut longest) = (L::of(0.0), L::of(0.0));
+) -> CandidatesFound {
+    let mut count = 0;
+    let mut extremes = Extremes::NONE;
+    let mut of = TriangleArrays::ZERO;
+    let mut nearest = L::of(0.0);
+    let mut longest = L::of(0.0);
     let mut sizes = [L::of(0.0), L::all(f32::MAX)];
     for start in (0..triangles.len()).step_by(CHUNK) {
         let end = triangles.len().min(start + CHUNK);
@@ -95,11 +103,11 @@ pub fn bounds<L: Lanes<Number = f32>>(
                 let brightest = channel[at..at + L::COUNT].iter().copied().fold(0, u32::max);
                 extremes.brightest = above(extremes.brightest, f32::from_bits(brightest));
             }
-            let (bounds, near) = bounds_of(view, corners);
+            let FoundBounds { bounds, most_in_front } = bounds_of(view, corners);
             let [across, down] = bounds.lengths();
             let any = across.min(down).greater(L::of(0.0));
             longest = longest.max(any.and(across.max(down)));
-            nearest = nearest.zip(near, above);
+            nearest = nearest.zip(most_in_front, above);
             let id = first_id + (start + at) as u32;
             bounds.push(id..first_id + end as u32, keep_all, candidates, &mut count);
         }
@@ -110,13 +118,21 @@ pub fn bounds<L: Lanes<Number = f32>>(
         extremes.nearest = above(extremes.nearest, nearest.lane(lane));
         extremes.longest = above(extremes.longest, longest.lane(lane));
     }
-    (count, extremes)
+    CandidatesFound { count, extremes }
 }
 
-/// The bounds of triangles, whose upper bound of 1/t is the largest f32 for those that reach behind the camera, and the
-/// upper bounds of those in front. If bounds hold at most four pixels, each outside some edge, they have no columns.
+/// The bounds of triangles.
+pub struct FoundBounds<L> {
+    /// The upper bound of 1/t is the largest f32 for those that reach behind the camera.
+    pub bounds: Bounds<L>,
+    /// The upper bounds of those of which some is in front; 0 for the others.
+    pub most_in_front: L,
+}
+
+/// The bounds of triangles. If bounds hold at most four pixels, each outside some edge, they have
+/// no columns.
 #[inline(always)]
-pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3]; 3]) -> (Bounds<L>, L) {
+pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3]; 3]) -> FoundBounds<L> {
     let (all, zero) = (L::all, L::of(0.0));
     let least = |[a, b, c]: [L; 3]| a.min(b).min(c);
     let most = |[a, b, c]: [L; 3]| a.max(b).max(c);
@@ -143,7 +159,8 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let next = [(0, 1), (1, 2), (2, 0)];
     let mut edges = next.each(|(v, w)| x[v] * y[w] - y[v] * x[w]);
     let (column, row) = (next.each(|(v, w)| y[v] - y[w]), next.each(|(v, w)| x[v] - x[w]));
-    // The greatest over the pixels of the least edge, and the least of the greatest edge: EDGES_HERE.
+    // The greatest over the pixels of the least edge, and the least of the greatest edge:
+    // EDGES_HERE.
     let (mut low, mut high) = (least(edges), most(edges));
     let there = |(low, high): (L, L), edges| (low.max(least(edges)), high.min(most(edges)));
     edges = zip(edges, column, |edge, more| edge + more);
@@ -162,10 +179,128 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     };
     let columns = whole(columns, view.width).each(|x| nowhere.select(zero, x));
     let bounds = Bounds { columns, rows: whole(rows, view.height), most: cannot_exceed };
-    (bounds, in_part.and(cannot_exceed))
+    FoundBounds { bounds, most_in_front: in_part.and(cannot_exceed) }
 }
 
-/// Sets up a chunk of triangles as planes over a tile's pixels, and the effects of the lights on them.
+/// A triangle's normal, its volume with the camera, and a mask of where that is not 0 but for
+/// rounding: TRIANGLE_VOLUME.
+pub struct Volume<W> {
+    pub normal: [W; 3],
+    pub volume: W,
+    pub seen_from_a_side: W,
+}
+
+impl<W: Lanes<Number = f64>> Volume<W> {
+    /// Of the corner v, and the differences of v and the two others.
+    #[inline(always)]
+    pub fn new(v: [W; 3], to_b: [W; 3], to_c: [W; 3]) -> Self {
+        let products = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| [to_b[i] * to_c[j], to_b[j] * to_c[i]]);
+        let normal = products.each(|[p, q]| p - q);
+        let [x, y, z] = zip(v, normal, W::mul);
+        let volume = x + y + z;
+        let rounded = (x.abs() + y.abs() + z.abs()) * W::of(PLANE);
+        let [x, y, z] = zip(products.each(|[p, q]| p.abs() + q.abs()), v.each(W::abs), W::mul);
+        let seen_from_a_side = volume.abs().greater(rounded + (x + y + z) * W::of(PRODUCT_ROUNDING));
+        Volume { normal, volume, seen_from_a_side }
+    }
+}
+
+/// The edge from v to w, divided by its rounding bound, with the sign of `side`: TRIANGLE_EDGE.
+#[inline(always)]
+pub fn edge<W: Lanes<Number = f64>>(view: &TileView<f64>, v: [W; 3], w: [W; 3], side: W) -> [W; 3] {
+    let all = W::all;
+    let e = cross_unfused(v, w);
+    let at_origin = dot(e, [view.dx, view.dy, view.dz].each(all));
+    let bound = dot(e.each(W::abs), [view.bound_x, view.bound_y, view.bound_z].each(all));
+    let bound = bound.fma(at_origin.abs(), all(view.bound_0));
+    let over = W::of(1.0) / bound * W::of(1.0).with_sign_of(side);
+    [at_origin * over, e[0] * all(view.step) * over, e[1] * all(view.down) * over]
+}
+
+/// Turns the corners of triangles from index `at` on, so that the first is one where the terms of
+/// v . n, with n of the sides at v, are small: they may cancel.
+#[inline(always)]
+fn put_best_corner_first<W: Lanes<Number = f64>>(of: &mut TriangleArrays, at: usize) {
+    let mut turned = better_corner(corners::<W>(of, at));
+    while turned.any() {
+        for i in (0..W::COUNT).filter(|i| turned.lane(*i).is_set()).map(|i| at + i) {
+            (of.ax[i], of.bx[i], of.cx[i]) = (of.bx[i], of.cx[i], of.ax[i]);
+            (of.ay[i], of.by[i], of.cy[i]) = (of.by[i], of.cy[i], of.ay[i]);
+            (of.az[i], of.bz[i], of.cz[i]) = (of.bz[i], of.cz[i], of.az[i]);
+        }
+        turned = better_corner(corners::<W>(of, at));
+    }
+}
+
+/// Stores 1/t as a plane: it is (n . d) / (n . v), affine over the pixels; 0, which is never
+/// nearest, if the triangle is never hit.
+#[inline(always)]
+fn put_inverse<W: Lanes<Number = f64>, E: Element>(
+    view: &TileView<f64>,
+    &Volume { normal, volume, seen_from_a_side }: &Volume<W>,
+    planes: &mut TrianglePlanes<E>,
+    at: usize,
+) {
+    let all = W::all;
+    let over = all(view.scale) / volume;
+    let n = normal.each(|n| seen_from_a_side.and(n * over));
+    let ray = [view.dx, view.dy, view.dz].each(all);
+    dot(n, ray).store(&mut planes.t0[at..]);
+    (n[0] * all(view.step)).store(&mut planes.tx[at..]);
+    (n[1] * all(view.down)).store(&mut planes.ty[at..]);
+}
+
+/// Stores the effect of each light on triangles of these colours with a corner at `v`: |n . (l -
+/// v)| / |n|, and the weights. `scale` is that of 1/t, and the first `shades` are of the first
+/// lane.
+#[inline(always)]
+fn put_shades<W: Lanes<Number = f64>, E: Element>(
+    lights: &[TileLight<f64>],
+    scale: f64,
+    v: [W; 3],
+    normal: [W; 3],
+    colour: [W; 3],
+    shades: &mut [TileShade<E>],
+) {
+    let all = W::all;
+    let per = W::of(1.0) / (dot(normal, normal).sqrt() * all(scale));
+    for (number, light) in lights.iter().enumerate() {
+        let along = dot(zip([light.x, light.y, light.z].each(all), v, W::sub), normal).abs() * per;
+        let cosine = along.min(W::of(f64::INFINITY));
+        let weights = zip(colour, [light.red, light.green, light.blue].each(all), W::mul);
+        for lane in 0..W::COUNT {
+            let [red, green, blue] = weights.each(|weight| E::from_f64(weight.lane(lane)));
+            shades[lane * lights.len() + number] =
+                TileShade { cosine: E::from_f64(cosine.lane(lane)), red, green, blue };
+        }
+    }
+}
+
+/// Stores the edges divided by their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
+#[inline(always)]
+fn put_edges<W: Lanes<Number = f64>, E: Element>(
+    view: &TileView<f64>,
+    [a, b, c]: [[W; 3]; 3],
+    side: W,
+    planes: &mut TrianglePlanes<E>,
+    at: usize,
+) {
+    let [e0, ex, ey] = edge(view, a, b, side);
+    e0.store(&mut planes.e10[at..]);
+    ex.store(&mut planes.e1x[at..]);
+    ey.store(&mut planes.e1y[at..]);
+    let [e0, ex, ey] = edge(view, b, c, side);
+    e0.store(&mut planes.e20[at..]);
+    ex.store(&mut planes.e2x[at..]);
+    ey.store(&mut planes.e2y[at..]);
+    let [e0, ex, ey] = edge(view, c, a, side);
+    e0.store(&mut planes.e30[at..]);
+    ex.store(&mut planes.e3x[at..]);
+    ey.store(&mut planes.e3y[at..]);
+}
+
+/// Sets up a chunk of triangles as planes over a tile's pixels, and the effects of the lights on
+/// them.
 pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     view: &TileView<f64>,
     chunk: TriangleChunk<'_>,
@@ -180,71 +315,18 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     for (i, candidate) in candidates.iter().enumerate() {
         (of.columns[i], of.rows[i], of.most[i]) = (candidate.columns, candidate.rows, candidate.most.to_bits());
     }
-    let all = W::all;
     for at in (0..past).step_by(W::COUNT) {
-        // The terms of v . n, with n of the sides at v, may cancel: a corner comes first where they are small.
-        let mut turned = better_corner(corners::<W>(of, at));
-        while turned.any() {
-            for i in (0..W::COUNT).filter(|i| turned.lane(*i).is_set()).map(|i| at + i) {
-                (of.ax[i], of.bx[i], of.cx[i]) = (of.bx[i], of.cx[i], of.ax[i]);
-                (of.ay[i], of.by[i], of.cy[i]) = (of.by[i], of.cy[i], of.ay[i]);
-                (of.az[i], of.bz[i], of.cz[i]) = (of.bz[i], of.cz[i], of.az[i]);
-            }
-            turned = better_corner(corners::<W>(of, at));
-        }
-        let [a, b, c] = corners::<W>(of, at);
-        let (to_b, to_c) = (zip(a, b, W::sub), zip(a, c, W::sub));
-        let products = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| [to_b[i] * to_c[j], to_b[j] * to_c[i]]);
-        let normal = products.each(|[p, q]| p - q);
-        let [x, y, z] = zip(a, normal, W::mul);
-        let volume = x + y + z;
-        let rounded = (x.abs() + y.abs() + z.abs()) * W::of(PLANE);
-        // Each product, and both sides that it is of, may have lost one part in 2^53: TRIANGLE_VOLUME.
-        let [x, y, z] = zip(products.each(|[p, q]| p.abs() + q.abs()), a.each(W::abs), W::mul);
-        let seen_from_a_side = volume.abs().greater(rounded + (x + y + z) * W::of(1.5 * f64::EPSILON));
-        let side = W::of(0.0).with_sign_of(volume);
-
-        // 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, if it is never hit.
-        let over = all(view.scale) / volume;
-        let n = normal.each(|n| seen_from_a_side.and(n * over));
-        let ray = [view.dx, view.dy, view.dz].each(all);
-        dot(n, ray).store(&mut planes.t0[at..]);
-        (n[0] * all(view.step)).store(&mut planes.tx[at..]);
-        (n[1] * all(view.down)).store(&mut planes.ty[at..]);
+        put_best_corner_first::<W>(of, at);
+        let corners = corners::<W>(of, at);
+        let [a, b, c] = corners;
+        let volume = Volume::new(a, zip(a, b, W::sub), zip(a, c, W::sub));
+        let side = W::of(0.0).with_sign_of(volume.volume);
+        put_inverse(view, &volume, planes, at);
         (W::of((first_id + at) as f64) + W::natural()).store(&mut planes.id[at..]);
         side.store(&mut planes.side[at..]);
         W::load_bits(&of.most[at..]).store(&mut planes.most[at..]);
-
-        // The effect of each light: |n . (l - v)| / |n|, and the weights.
-        let per = W::of(1.0) / (dot(normal, normal).sqrt() * all(view.scale));
         let colour = [&of.red, &of.green, &of.blue].each(|channel| W::load_bits(&channel[at..]));
-        for (number, light) in lights.iter().enumerate() {
-            let along = dot(zip([light.x, light.y, light.z].each(all), a, W::sub), normal).abs() * per;
-            let cosine = along.min(W::of(f64::INFINITY));
-            let weights = zip(colour, [light.red, light.green, light.blue].each(all), W::mul);
-            for lane in 0..W::COUNT {
-                let [red, green, blue] = weights.each(|weight| E::from_f64(weight.lane(lane)));
-                shades[(at + lane) * lights.len() + number] =
-                    TileShade { cosine: E::from_f64(cosine.lane(lane)), red, green, blue };
-            }
-        }
-
-        // The edges divided by their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
-        let bound = [view.bound_x, view.bound_y, view.bound_z].each(all);
-        let edges = [
-            (a, b, &mut planes.e10, &mut planes.e1x, &mut planes.e1y),
-            (b, c, &mut planes.e20, &mut planes.e2x, &mut planes.e2y),
-            (c, a, &mut planes.e30, &mut planes.e3x, &mut planes.e3y),
-        ];
-        for (v, w, origin, across, down) in edges {
-            let e = cross_unfused(v, w);
-            let at_origin = dot(e, ray);
-            let bound = dot(e.each(W::abs), bound).fma(at_origin.abs(), all(view.bound_0));
-            let over = W::of(1.0) / bound;
-            let over = side.zip(over, |side, over| if side.is_set() { over.negated() } else { over });
-            (at_origin * over).store(&mut origin[at..]);
-            (e[0] * all(view.step) * over).store(&mut across[at..]);
-            (e[1] * all(view.down) * over).store(&mut down[at..]);
-        }
+        put_shades(lights, view.scale, a, volume.normal, colour, &mut shades[at * lights.len()..]);
+        put_edges(view, corners, side, planes, at);
     }
 }

@@ -11,7 +11,7 @@ use super::rows::Pixel;
 
 /// n / sqrt q, clamped to [0, 1]; NaN, such as 0 / 0, gives 0: COSINE.
 #[inline(always)]
-fn cosine<L: Lanes>(n: L, q: L) -> L {
+pub fn cosine<L: Lanes>(n: L, q: L) -> L {
     (n / q.sqrt()).max(L::of(0.0)).min(L::of(1.0))
 }
 
@@ -48,10 +48,25 @@ pub fn normal_over_t<L: Lanes>(sphere: &TileSphere<L::Number>, x: L, y: L) -> [L
 
 /// SPHERE_COSINE.
 #[inline(always)]
-fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) -> L {
+pub fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) -> L {
     let l = [light.x, light.y, light.z].each(L::all);
     let to_light = zip(l, m, |l, m| l.fms(w, m));
     cosine(dot(l, m) - w, dot(to_light, to_light))
+}
+
+/// The normal of a sphere around the camera or beside it: AROUND_NORMAL.
+#[inline(always)]
+pub fn around_normal<L: Lanes>(sphere: &TileSphere<L::Number>, w: L, ray: [L; 3]) -> [L; 3] {
+    let t = L::of(1.0) / w;
+    let centre = [sphere.ux, sphere.uy, sphere.uz].each(L::all);
+    zip(ray, centre, |d, c| (d * t - c) * L::all(sphere.mx))
+}
+
+/// The cosine for a unit normal and a light at a point: AROUND_COSINE.
+#[inline(always)]
+pub fn around_cosine<L: Lanes>(n: [L; 3], w: L, ray: [L; 3], light: &TilePoint<L::Number>) -> L {
+    let l = to_light(light, w, ray);
+    cosine(dot(n, l), dot(l, l))
 }
 
 /// A block of pixels: 1/t and ids, their rays, and their places in the picture.
@@ -81,12 +96,10 @@ impl<L: Lanes> Block<L> {
         let lights = record * records.lights.len()..(record + 1) * records.lights.len();
         let [x, y] = [self.pixel[0] - all(sphere.column), self.pixel[1] - all(sphere.row)];
         if sphere.around != L::Number::ZERO {
-            let t = L::of(1.0) / self.w;
-            let centre = [sphere.ux, sphere.uy, sphere.uz].each(all);
-            let n = zip(self.ray, centre, |d, c| (d * t - c) * all(sphere.mx));
+            let n = around_normal(sphere, self.w, self.ray);
             for (lit, point) in records.lits[lights].iter().zip(records.lights) {
-                let l = to_light(point, self.w, self.ray);
-                add(colour, mask.and(cosine(dot(n, l), dot(l, l))), [lit.red, lit.green, lit.blue].each(all));
+                let cosine = around_cosine(n, self.w, self.ray, point);
+                add(colour, mask.and(cosine), [lit.red, lit.green, lit.blue].each(all));
             }
         } else if P::LEVELS && sphere.short != L::Number::ZERO {
             for lit in &records.shorts[lights] {
@@ -111,10 +124,49 @@ fn add<L: Lanes>(colour: &mut [L; 3], cosine: L, weights: [L; 3]) {
 
 /// SHORT_COSINE.
 #[inline(always)]
-fn short_cosine<L: Lanes>(lit: &ShortLight<L::Number>, w: L, [x, y]: [L; 2]) -> L {
+pub fn short_cosine<L: Lanes>(lit: &ShortLight<L::Number>, w: L, [x, y]: [L; 2]) -> L {
     let q = L::all(lit.q0).fma(x, L::all(lit.qx)).fma(y, L::all(lit.qy));
     let e = (w * L::all(lit.ke) - q - q) * w;
     cosine(q.fma(w, L::all(lit.kn)), e)
+}
+
+/// The colour of a block under all lights.
+#[inline(always)]
+fn colour_of<L: Lanes, P: Pixel>(block: &Block<L>, records: &ShadingRecords<'_, L::Number>) -> [L; 3] {
+    let all = L::all;
+    let (lights, spheres) = (records.lights.len(), records.sphere_ids.len());
+    let mut colour = [L::of(0.0); 3];
+    let shade = |id: L::Number, light: usize| &records.shades[id.to_index() as usize * lights + light];
+    let owner = block.who.lane(0);
+    if !block.who.mask(all(owner), PartialEq::ne).any() {
+        // Most blocks have one object.
+        match owner.to_index() as usize {
+            0 => {}
+            id if id <= spheres => block.add_sphere::<P>(id, all(Number::mask(true)), records, &mut colour),
+            _ => block.add_triangles(records.lights, &mut colour, |light| {
+                let TileShade { cosine, red, green, blue } = *shade(owner, light);
+                [cosine, red, green, blue].each(all)
+            }),
+        }
+    } else if lights > 0 {
+        if block.who.greater(L::of(spheres as f64)).any() {
+            block.add_triangles(records.lights, &mut colour, |light| {
+                let of = |f: fn(&TileShade<L::Number>) -> L::Number| {
+                    L::from_fn(|lane| f(shade(block.who.lane(lane), light)))
+                };
+                [of(|shade| shade.cosine), of(|shade| shade.red), of(|shade| shade.green), of(|shade| shade.blue)]
+            });
+        }
+        for lane in 0..L::COUNT {
+            let who = block.who.lane(lane);
+            let id = who.to_index() as usize;
+            let is_first = (0..lane).all(|before| block.who.lane(before) != who);
+            if (1..=spheres).contains(&id) && is_first {
+                block.add_sphere::<P>(id, block.who.equal(all(who)), records, &mut colour);
+            }
+        }
+    }
+    colour
 }
 
 /// Writes the pixels of the window of a tile.
@@ -129,7 +181,6 @@ pub fn shade<L: Lanes, P: Pixel>(
     let (width, height) = (Blocks::<L>::WIDTH, Blocks::<L>::HEIGHT);
     let [block_x, block_y] = Blocks::<L>::pixels();
     let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
-    let (count, spheres) = (records.lights.len(), records.sphere_ids.len());
     let number = |x: usize| L::of(x as f64);
     for down in rows.start / height..rows.end.div_ceil(height) {
         let y = number(down * height) + block_y;
@@ -143,42 +194,7 @@ pub fn shade<L: Lanes, P: Pixel>(
                 ray: [all(rays.dx).fma(all(rays.step), x - number(TILE_WIDTH / 2)), ray_y, all(rays.dz)],
                 pixel: [number(window.column as usize) + x, number(window.row as usize) + y],
             };
-            let mut colour = [L::of(0.0); 3];
-            let shade = |who: L::Number, number: usize| &records.shades[who.to_index() as usize * count + number];
-            let (owner, whole) = (block.who.lane(0), L::all(Number::mask(true)));
-            if !block.who.mask(all(owner), PartialEq::ne).any() {
-                // Most blocks have one object.
-                match owner.to_index() as usize {
-                    0 => {}
-                    id if id <= spheres => block.add_sphere::<P>(id, whole, &records, &mut colour),
-                    _ => block.add_triangles(records.lights, &mut colour, |number| {
-                        let TileShade { cosine, red, green, blue } = *shade(owner, number);
-                        [cosine, red, green, blue].each(all)
-                    }),
-                }
-            } else if count > 0 {
-                if block.who.greater(number(spheres)).any() {
-                    block.add_triangles(records.lights, &mut colour, |number| {
-                        let of = |f: fn(&TileShade<L::Number>) -> L::Number| {
-                            L::from_fn(|lane| f(shade(block.who.lane(lane), number)))
-                        };
-                        [
-                            of(|shade| shade.cosine),
-                            of(|shade| shade.red),
-                            of(|shade| shade.green),
-                            of(|shade| shade.blue),
-                        ]
-                    });
-                }
-                for lane in 0..L::COUNT {
-                    let who = block.who.lane(lane);
-                    let id = who.to_index() as usize;
-                    let is_first = (0..lane).all(|before| block.who.lane(before) != who);
-                    if (1..=spheres).contains(&id) && is_first {
-                        block.add_sphere::<P>(id, block.who.equal(all(who)), &records, &mut colour);
-                    }
-                }
-            }
+            let colour = colour_of::<L, P>(&block, &records);
             let columns = across * width..columns.min((across + 1) * width);
             for row in (down * height..(down + 1) * height).filter(|row| rows.contains(row)) {
                 let line = first + (row - rows.start) * pitch;

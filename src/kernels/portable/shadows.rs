@@ -2,14 +2,20 @@
 //!
 //! The twins of asm/tracers/points.asm, seen.asm, cast.asm and casters.asm.
 
+use std::ops::Range;
+
 use super::super::objects::TriangleList;
 use super::super::records::{
-    CasterEdges, Element as _, GROUP, LightSideView, LitGroups, PointObject, PointView, SphereCaster, TILE_PIXELS,
-    TILE_WIDTH, TilePoints, TriangleCaster,
+    CasterBounds, CasterEdges, Element as _, GROUP, LightSideView, LitGroups, PointObject, PointView, SphereCaster,
+    TILE_PIXELS, TILE_WIDTH, TilePoints, TriangleCaster,
 };
-use super::super::shadows::{BLOCK, CasterList, GROUPS, LitPoints, number, own_bits};
+use super::super::shadows::{BLOCK, CasterBlock, CasterList, GROUPS, LitPoints, MetByGroup, number, own_bits};
 use super::super::types::Plain;
-use super::lanes::{Each, Lanes, dot, dot_unfused, zip};
+use super::lanes::{Each, Lanes, Number, dot, dot_unfused, zip};
+
+/// The roundings of the terms of a caster's edge, c counting twice, of half of EPSILON each: `rayo
+/// ops --proofs` counts them.
+pub const CASTER_ROUNDINGS: f64 = 16.0;
 
 /// The points of a tile, of which L is a block of pixels.
 pub fn points<L: Lanes, W: Lanes<Number = f64>>(
@@ -49,13 +55,14 @@ pub fn points<L: Lanes, W: Lanes<Number = f64>>(
     }
 }
 
-/// Points, the sum of the magnitudes of their coordinates, and whose they are; and g, from them to a light.
+/// Points, the sum of the magnitudes of their coordinates, and whose they are; and g, from them to
+/// a light.
 #[derive(Clone, Copy)]
 pub struct Asked<W> {
-    p: [W; 3],
-    size: W,
-    own: W,
-    g: [W; 3],
+    pub p: [W; 3],
+    pub size: W,
+    pub own: W,
+    pub g: [W; 3],
 }
 
 /// An object that may hide a light.
@@ -80,7 +87,7 @@ impl Hides for SphereCaster<f64> {
 
 /// TRIANGLE_HIDES.
 #[inline(always)]
-fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked { p, size, own, .. }: &Asked<W>) -> W {
+pub fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked { p, size, own, .. }: &Asked<W>) -> W {
     let all = W::all;
     let plane = |x, y, z, at_0| all(at_0).fma(p[0], all(x)).fma(p[1], all(y)).fma(p[2], all(z));
     let first = plane(of.e1x, of.e1y, of.e1z, of.e10);
@@ -93,7 +100,7 @@ fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked { p, 
 
 /// SPHERE_HIDES.
 #[inline(always)]
-fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Asked { p, size, own, g }: &Asked<W>) -> W {
+pub fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Asked { p, size, own, g }: &Asked<W>) -> W {
     let (all, zero) = (W::all, W::of(0.0));
     let from = |x, y, z| zip(p, [x, y, z].each(all), |p, x| p - x);
     let outside = dot(from(of.ux, of.uy, of.uz), from(of.wx, of.wy, of.wz)) + all(of.k);
@@ -115,7 +122,7 @@ fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Asked { p, size
 
 #[inline(always)]
 fn unequal<L: Lanes>(a: L, b: L) -> L {
-    a.greater(b).select(a.greater(b), b.greater(a))
+    a.equal(b).select(L::of(0.0), L::all(Number::mask(true)))
 }
 
 /// The bounds of each group of points on a side.
@@ -155,8 +162,83 @@ pub fn seen<W: Lanes<Number = f64>>(
 
 /// The least and the greatest of three.
 #[inline(always)]
-fn least_and_most<W: Lanes>([a, b, c]: [W; 3]) -> [W; 2] {
+pub fn least_and_most<W: Lanes>([a, b, c]: [W; 3]) -> [W; 2] {
     [a.min(b).min(c), a.max(b).max(c)]
+}
+
+/// Triangles as a light sees them.
+struct SeenTriangles<W> {
+    /// The corners in cells, and their depths.
+    corners: [[W; 3]; 3],
+    /// The ends of the bounds, with slack; the lower ones negated.
+    x: W,
+    y: W,
+    past_x: W,
+    past_y: W,
+    /// The depth of the nearest corner, negated.
+    depth: W,
+    /// A mask of those in front of the light.
+    is_before: W,
+    /// A bound on the rounding of the edges.
+    rounded: W,
+}
+
+impl<W: Lanes<Number = f64>> SeenTriangles<W> {
+    /// Of these corners relative to the light, in the axes of the side: BOUNDS_OF_CASTERS.
+    #[inline(always)]
+    fn new(view: &LightSideView<f64>, corners: [[W; 3]; 3]) -> Self {
+        let (all, zero, one, infinity) = (W::all, W::of(0.0), W::of(1.0), W::of(f64::INFINITY));
+        let corners = corners.each(|[x, y, z]| {
+            let z = z * all(view.sign);
+            let over = one / z;
+            let place = |x: W, low, scale| (x * over - all(low)) * all(scale);
+            [place(x, view.low_x, view.scale_x), place(y, view.low_y, view.scale_y), z]
+        });
+        let [x, y, z] = [0, 1, 2].each(|axis| least_and_most(corners.each(|v| v[axis])));
+        let extent = (x[1] - x[0]).max(y[1] - y[0]);
+        let most = x[0].abs().max(x[1].abs()).max(y[0].abs()).max(y[1].abs()).max(W::of(4096.0));
+        let slack = all(view.slack);
+        let four = (slack + slack) + (slack + slack);
+        let rounded =
+            (most * W::of(CASTER_ROUNDINGS / 2.0 * f64::from(f32::EPSILON)) + (four + four)) * extent + W::of(1e-30);
+        let is_before = z[0].greater(zero);
+        let or_infinite = |end: W| is_before.select(end, infinity);
+        let [past_x, past_y] = [x[1] + slack, y[1] + slack].each(or_infinite);
+        let [x, y] = [(x[0] - slack).negated(), (y[0] - slack).negated()].each(or_infinite);
+        let x = z[1].greater(zero).select(x, all(f64::NAN));
+        let depth = is_before.select((z[0] * W::of(1.0 - f64::from(f32::EPSILON))).negated(), zero);
+        SeenTriangles { corners, x, y, past_x, past_y, depth, is_before, rounded }
+    }
+
+    /// Three edges, or where those would lose too many digits three sides of the bounds:
+    /// EDGES_OF_CASTERS.
+    #[inline(always)]
+    fn edges(&self) -> [[W; 3]; 3] {
+        let (zero, one) = (W::of(0.0), W::of(1.0));
+        let rounded = self.rounded;
+        let [a, b, c] = self.corners;
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let is_plain = area.abs().greater(rounded).and(self.is_before).and(W::of(1e30).greater(rounded));
+        let edge = |v: [W; 3], w: [W; 3], instead: [W; 3]| {
+            let with_sign = |x: W| x.zip(area, |x, area| if area.is_sign_negative() { -x } else { x });
+            let (a, b) = (with_sign(v[1] - w[1]), with_sign(w[0] - v[0]));
+            let edge = [a, b, rounded - (a * v[0] + b * v[1])];
+            zip(edge, instead, |edge, instead| is_plain.select(edge, instead))
+        };
+        [
+            edge(a, b, [one, zero, self.x]),
+            edge(b, c, [one.negated(), zero, self.past_x]),
+            edge(c, a, [zero, one, self.y]),
+        ]
+    }
+}
+
+/// Rounds numbers to f32, and stores their bits from an index on.
+#[inline(always)]
+fn store_rounded<W: Lanes<Number = f64>>(of: W, field: &mut [u32; BLOCK], at: usize) {
+    for i in 0..W::COUNT {
+        field[at + i] = (of.lane(i) as f32).to_bits();
+    }
 }
 
 /// How a light sees triangles, in the axes of the side.
@@ -167,76 +249,78 @@ pub fn cast<W: Lanes<Number = f64>>(
     first: u32,
     casters: &mut CasterList,
 ) {
-    let (all, zero, one, infinity) = (W::all, W::of(0.0), W::of(1.0), W::of(f64::INFINITY));
     let light = [view.across, view.down, view.depth].each(W::all);
-    for (bounds, edges) in casters.blocks() {
+    for CasterBlock { bounds, edges } in casters.blocks() {
         edges.own = bounds.own;
         let of = bounds.own.each(|own| triangles.vertices((own - own_bits(first)) as usize));
         for at in (0..BLOCK).step_by(W::COUNT) {
-            // BOUNDS_OF_CASTERS.
             let corners = [0, 1, 2].each(|n| {
                 let corner = axes.each(|axis| W::from_fn(|i| of[at + i][n][axis].into()));
-                let [x, y, z] = zip(corner, light, W::sub);
-                let z = z * all(view.sign);
-                let over = one / z;
-                let place = |x: W, low, scale| (x * over - all(low)) * all(scale);
-                [place(x, view.low_x, view.scale_x), place(y, view.low_y, view.scale_y), z]
+                zip(corner, light, W::sub)
             });
-            let [x, y, z] = [0, 1, 2].each(|axis| least_and_most(corners.each(|v| v[axis])));
-            let extent = (x[1] - x[0]).max(y[1] - y[0]);
-            let most = x[0].abs().max(x[1].abs()).max(y[0].abs()).max(y[1].abs()).max(W::of(4096.0));
-            let slack = all(view.slack);
-            let four = (slack + slack) + (slack + slack);
-            let rounded = (most * W::of(8.0 * f64::from(f32::EPSILON)) + (four + four)) * extent + W::of(1e-30);
-            let is_before = z[0].greater(zero);
-            let or_infinite = |end: W| is_before.select(end, infinity);
-            let [past_x, past_y] = [x[1] + slack, y[1] + slack].each(or_infinite);
-            let [x, y] = [(x[0] - slack).negated(), (y[0] - slack).negated()].each(or_infinite);
-            let x = z[1].greater(zero).select(x, all(f64::NAN));
-            let depth = is_before.select((z[0] * W::of(1.0 - f64::from(f32::EPSILON))).negated(), zero);
-            let store = |field: &mut [u32; BLOCK], of: W| {
-                (0..W::COUNT).for_each(|i| field[at + i] = (of.lane(i) as f32).to_bits());
-            };
-            store(&mut bounds.x, x);
-            store(&mut bounds.y, y);
-            store(&mut bounds.past_x, past_x);
-            store(&mut bounds.past_y, past_y);
-            store(&mut bounds.depth, depth);
-            // EDGES_OF_CASTERS.
-            let [a, b, c] = corners;
-            let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-            let is_plain = area.abs().greater(rounded).and(z[0].greater(zero)).and(W::of(1e30).greater(rounded));
-            let edge = |v: [W; 3], w: [W; 3], instead: [W; 3]| {
-                let with_sign = |x: W| x.zip(area, |x, area| if area.is_sign_negative() { -x } else { x });
-                let (a, b) = (with_sign(v[1] - w[1]), with_sign(w[0] - v[0]));
-                let edge = [a, b, rounded - (a * v[0] + b * v[1])];
-                zip(edge, instead, |edge, instead| is_plain.select(edge, instead))
-            };
+            let seen = SeenTriangles::new(view, corners);
+            store_rounded(seen.x, &mut bounds.x, at);
+            store_rounded(seen.y, &mut bounds.y, at);
+            store_rounded(seen.past_x, &mut bounds.past_x, at);
+            store_rounded(seen.past_y, &mut bounds.past_y, at);
+            store_rounded(seen.depth, &mut bounds.depth, at);
             let CasterEdges { a1, b1, c1, a2, b2, c2, a3, b3, c3, .. } = &mut *edges;
-            let first = edge(a, b, [one, zero, x]);
-            let second = edge(b, c, [one.negated(), zero, past_x]);
-            let third = edge(c, a, [zero, one, y]);
-            for (fields, edge) in [[a1, b1, c1], [a2, b2, c2], [a3, b3, c3]].into_iter().zip([first, second, third]) {
-                fields.into_iter().zip(edge).for_each(|(field, of)| store(field, of));
+            for (fields, edge) in [[a1, b1, c1], [a2, b2, c2], [a3, b3, c3]].into_iter().zip(seen.edges()) {
+                for (field, of) in fields.into_iter().zip(edge) {
+                    store_rounded(of, field, at);
+                }
             }
         }
     }
 }
 
-/// Which objects each group meets: of triangles those that have an open point within their edges.
-pub fn meet<L: Lanes<Number = f32>>(points: &TilePoints, groups: &LitGroups, casters: &mut CasterList) {
-    casters.set_met(groups, |group, edges, i| {
-        edges.is_none_or(|edges| {
-            let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
+/// The edge of a caster, c + a x + b y, at a place that a light sees: EDGE_OF_CASTER.
+#[inline(always)]
+pub fn caster_edge<L: Lanes>([a, b, c]: [L; 3], x: L, y: L) -> L {
+    c.fma(x, a).fma(y, b)
+}
+
+/// Which of the places x and y in cells are within the edges of a triangle of a block:
+/// WITHIN_EDGES.
+#[inline(always)]
+fn within_edges<L: Lanes<Number = f32>>([x, y]: [L; 2], edges: &CasterEdges, i: usize) -> L {
+    let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
+    let edge = |a, b, c| caster_edge([all(a), all(b), all(c)], x, y);
+    let first = edge(&edges.a1, &edges.b1, &edges.c1);
+    let second = edge(&edges.a2, &edges.b2, &edges.c2);
+    let third = edge(&edges.a3, &edges.b3, &edges.c3);
+    first.min(second).min(third).not_less(L::of(0.0))
+}
+
+/// Which of the places x and y in cells are within the bounds of an object of a block:
+/// WITHIN_BOUNDS.
+#[inline(always)]
+fn within_bounds<L: Lanes<Number = f32>>([x, y]: [L; 2], bounds: &CasterBounds, i: usize) -> L {
+    let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
+    let past_least = (all(&bounds.x) + x).min(all(&bounds.y) + y);
+    let before_greatest = (all(&bounds.past_x) - x).min(all(&bounds.past_y) - y);
+    past_least.min(before_greatest).not_less(L::of(0.0))
+}
+
+/// Which objects each of the `asking` groups meets: if `points` are there, those that have an open
+/// one of them within.
+pub fn meet<L: Lanes<Number = f32>>(
+    points: Option<&TilePoints>,
+    groups: &LitGroups,
+    asking: Range<usize>,
+    casters: &mut CasterList,
+) {
+    casters.set_met(groups, asking, |group, bounds, edges, i| {
+        points.is_none_or(|points| {
             (0..GROUP).step_by(L::COUNT).any(|at| {
                 let load = |field: &[f32; TILE_PIXELS]| L::load(&field[group * GROUP + at..]);
-                let [x, y] = points.seen.each_ref().map(load);
-                let edge = |a, b, c| all(c).fma(x, all(a)).fma(y, all(b));
-                let first = edge(&edges.a1, &edges.b1, &edges.c1);
-                let second = edge(&edges.a2, &edges.b2, &edges.c2);
-                let third = edge(&edges.a3, &edges.b3, &edges.c3);
-                let is_within = first.min(second).min(third).not_less(L::of(0.0));
-                let is_within = is_within.and(unequal(load(&points.own), all(&edges.own)));
+                let seen = points.seen.each_ref().map(load);
+                let is_within = match edges {
+                    Some(edges) => within_edges(seen, edges, i),
+                    None => within_bounds(seen, bounds, i),
+                };
+                let own = L::all(f32::from_bits(bounds.own[i]));
+                let is_within = is_within.and(unequal(load(&points.own), own));
                 (0..L::COUNT).any(|i| is_within.lane(i).to_bits() != 0 && groups.open[group] >> (at + i) & 1 != 0)
             })
         })
@@ -250,7 +334,7 @@ pub fn open<W: Lanes<Number = f64>, C: Hides>(
     casters: &CasterList,
     groups: &mut LitGroups,
 ) {
-    for (group, met) in casters.met() {
+    for MetByGroup { group, met } in casters.met() {
         let open = groups.open[group];
         let mut left = open;
         for at in (0..GROUP).step_by(W::COUNT) {

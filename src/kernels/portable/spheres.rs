@@ -6,7 +6,7 @@ use super::super::records::{
     AroundSphere, CHUNK, Candidate, Element, ObjectLight, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
     TileLight, TileSphere,
 };
-use super::super::tiles::{Extremes, SphereChunk, SphereRecords, above};
+use super::super::tiles::{CandidatesFound, Extremes, SphereChunk, SphereRecords, above};
 use super::super::types::Plain;
 use super::lanes::{Each, Lanes, Number, cross_unfused, dot_unfused, zip};
 use super::set_up::Bounds;
@@ -14,13 +14,13 @@ use super::set_up::Bounds;
 /// A sphere is in front if its centre is at least this many radii in front of the camera's plane.
 const FRONT: f64 = 1.001;
 /// Pixels by which the bounds of a sphere are widened.
-const OUTLINE: f64 = 1e-3;
+pub const OUTLINE: f64 = 1e-3;
 /// The rounding error of D, in units of its terms.
-const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
+pub const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
 /// The f64 below 1/2.
 const BELOW_HALF: f64 = 0.5 - f64::EPSILON / 4.0;
-/// The short form is accurate enough if the light's distance from the sphere, in radii, is between the first two, and
-/// cancellation leaves no less than one part in the third of the terms.
+/// The short form is accurate enough if the light's distance from the sphere, in radii, is between
+/// the first two, and cancellation leaves no less than one part in the third of the terms.
 const SHORT: [f64; 3] = [0.25, (1u64 << 36) as f64, 1024.0];
 
 fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArrays) {
@@ -32,15 +32,24 @@ fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArray
     }
 }
 
+/// A packet of spheres.
+struct CentresAndRadii<W> {
+    centre: [W; 3],
+    radius: W,
+}
+
 /// Centres and radii of spheres from index `at` on.
 #[inline(always)]
-fn numbers<W: Lanes>(of: &SphereArrays, at: usize) -> ([W; 3], W) {
-    ([&of.x, &of.y, &of.z].each(|numbers| W::load_bits(&numbers[at..])), W::load_bits(&of.radius[at..]))
+fn centres_and_radii<W: Lanes>(of: &SphereArrays, at: usize) -> CentresAndRadii<W> {
+    CentresAndRadii {
+        centre: [&of.x, &of.y, &of.z].each(|numbers| W::load_bits(&numbers[at..])),
+        radius: W::load_bits(&of.radius[at..]),
+    }
 }
 
 /// The ends of silhouettes along one axis at distance 1: SILHOUETTE.
 #[inline(always)]
-fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
+pub fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
     let one = W::of(1.0);
     let root = (cx * cx + m).sqrt();
     let b = cx * cz;
@@ -53,7 +62,7 @@ fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
 
 /// The columns and rows between which silhouettes lie, as fractions of pixels: SPHERE_BOX.
 #[inline(always)]
-fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3]) -> [[W; 2]; 2] {
+pub fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3]) -> [[W; 2]; 2] {
     let (all, half) = (W::all, W::of(0.5));
     let m = cz * cz - W::of(1.0);
     let [bottom, top] = silhouette(cy, cz, m);
@@ -68,8 +77,10 @@ pub fn bounds<W: Lanes<Number = f64>>(
     first_id: u32,
     keep_all: bool,
     candidates: &mut [Candidate],
-) -> (usize, Extremes) {
-    let (mut count, mut extremes, mut of) = (0, Extremes::NONE, SphereArrays::ZERO);
+) -> CandidatesFound {
+    let mut count = 0;
+    let mut extremes = Extremes::NONE;
+    let mut of = SphereArrays::ZERO;
     for (chunk, first) in spheres.chunks(CHUNK).zip((first_id..).step_by(CHUNK)) {
         for Sphere { radius, colour, centre } in chunk {
             let size = centre.abs().to_array().into_iter().fold(*radius, above);
@@ -81,7 +92,7 @@ pub fn bounds<W: Lanes<Number = f64>>(
         let past = chunk.len().next_multiple_of(W::COUNT);
         transpose((0..past).map(|i| chunk.get(i).unwrap_or(&chunk[chunk.len() - 1])), &mut of);
         for at in (0..past).step_by(W::COUNT) {
-            let (centre, radius) = numbers::<W>(&of, at);
+            let CentresAndRadii { centre, radius } = centres_and_radii::<W>(&of, at);
             let bounds = bounds_of(view, centre, radius);
             for lane in 0..W::COUNT {
                 extremes.nearest = above(extremes.nearest, bounds.most.lane(lane) as f32);
@@ -89,30 +100,46 @@ pub fn bounds<W: Lanes<Number = f64>>(
             bounds.push(first + at as u32..first + chunk.len() as u32, keep_all, candidates, &mut count);
         }
     }
-    (count, extremes)
+    CandidatesFound { count, extremes }
 }
 
-/// The bounds of spheres. The upper bound of 1/t is `most` over the distance of the nearest point, or the largest f32
-/// if planes cannot trace the sphere, or may lose digits to the side.
+/// The first pixel and one past the last between two coordinates: PIXELS_BETWEEN.
+#[inline(always)]
+pub fn pixels_between<W: Lanes<Number = f64>>([low, high]: [W; 2], side: f64) -> [W; 2] {
+    let (first, past) = ((low - W::of(OUTLINE)).ceil(), (high + W::of(OUTLINE)).floor() + W::of(1.0));
+    [first, past].each(|x| x.max(W::of(0.0)).min(W::all(side)))
+}
+
+/// The middle, rounded half away from 0, within the picture: NEAREST_PIXEL.
+#[inline(always)]
+pub fn nearest_pixel<W: Lanes<Number = f64>>([a, b]: [W; 2], side: W) -> W {
+    let middle = (a + b) * W::of(0.5);
+    (middle.abs() + W::of(BELOW_HALF)).floor().with_sign_of(middle).min(side).max(W::of(0.0))
+}
+
+/// The outline's greatest distance from the origin within the picture, and one pixel: REACH.
+#[inline(always)]
+pub fn reach<W: Lanes<Number = f64>>([a, b]: [W; 2], origin: W, side: W) -> W {
+    (b.min(side) - origin).max(origin - a.max(W::of(0.0))) + W::of(1.0)
+}
+
+/// The bounds of spheres. The upper bound of 1/t is `most` over the distance of the nearest point,
+/// or the largest f32 if planes cannot trace the sphere, or may lose digits to the side.
 #[inline(always)]
 pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Bounds<W> {
-    let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
+    let (all, one) = (W::all, W::of(1.0));
     let most = all(view.most) / (centre[2] - radius);
     let c = centre.each(|x| x / radius);
     let (cz, squared) = (c[2], dot_unfused(c, c));
     let [columns, rows] = outline(view, c);
-    let pixels = |[low, high]: [W; 2], side: f64| {
-        let (first, past) = ((low - W::of(OUTLINE)).ceil(), (high + W::of(OUTLINE)).floor() + one);
-        [first, past].each(|x| x.max(zero).min(all(side)))
-    };
     let in_front = cz.not_less(W::of(FRONT)).and(W::of(f64::INFINITY).greater(squared));
     let in_part = cz.greater(W::of(-1.0));
     let known = |[first, past]: [W; 2], side: f64| [in_front.and(first), in_part.and(in_front.select(past, all(side)))];
     let keeps_digits = in_front.and((cz * cz + cz * cz - one).not_less(squared));
     let most = in_part.and(keeps_digits.select(most, W::of(f32::MAX.into())));
     Bounds {
-        columns: known(pixels(columns, view.width), view.width),
-        rows: known(pixels(rows, view.height), view.height),
+        columns: known(pixels_between(columns, view.width), view.width),
+        rows: known(pixels_between(rows, view.height), view.height),
         most,
     }
 }
@@ -143,20 +170,12 @@ impl<W: Lanes<Number = f64>> InFront<W> {
         let step = all(view.step);
         let c = centre.each(|x| x / radius);
         let squared = dot_unfused(c, c);
-        let k = squared - one;
+        let k = (c[2] + one) * ((centre[2] - radius) / radius) + c[0] * c[0] + c[1] * c[1];
         let over = all(view.scale) / (k * radius);
         let outline = outline(view, c);
         let sides = [view.width, view.height].each(all);
-        // The middle, rounded half away from 0, within the picture: NEAREST_PIXEL; and REACH.
-        let origin = [0, 1].each(|axis| {
-            let [a, b] = outline[axis];
-            let middle = (a + b) * half;
-            (middle.abs() + W::of(BELOW_HALF)).floor().with_sign_of(middle).min(sides[axis]).max(W::of(0.0))
-        });
-        let reach = [0, 1].each(|axis| {
-            let ([a, b], origin) = (outline[axis], origin[axis]);
-            (b.min(sides[axis]) - origin).max(origin - a.max(W::of(0.0))) + one
-        });
+        let origin = [0, 1].each(|axis| nearest_pixel(outline[axis], sides[axis]));
+        let reach = [0, 1].each(|axis| reach(outline[axis], origin[axis], sides[axis]));
         let x = (origin[0] + half) * step - all(view.half_width);
         let y = all(view.half_height) - (origin[1] + half) * step;
         let ray = [x, y, all(view.focal)];
@@ -177,7 +196,8 @@ impl<W: Lanes<Number = f64>> InFront<W> {
     }
 }
 
-/// Transposes the spheres of a chunk and their bounds, up to a whole packet; returns how many those are.
+/// Transposes the spheres of a chunk and their bounds, up to a whole packet; returns how many those
+/// are.
 fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mut SphereArrays) -> usize {
     let past = candidates.len().next_multiple_of(W::COUNT);
     transpose((0..past).map(|i| &spheres[candidates.get(i).unwrap_or(&candidates[0]).id as usize]), of);
@@ -196,7 +216,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     planes: &mut SpherePlanes<E>,
 ) {
     for at in (0..chunk::<W>(spheres, of)).step_by(W::COUNT) {
-        let (centre, radius) = numbers::<W>(of, at);
+        let CentresAndRadii { centre, radius } = centres_and_radii::<W>(of, at);
         let InFront { over, origin, reach: [i, j], h: [h, hx, hy], d, .. } = InFront::new(view, centre, radius);
         // The rounding error of D is at most a few units of its terms at the outline.
         let terms = [d[1] * i, d[2] * j, d[3] * i * i, d[4] * i * j, d[5] * j * j];
@@ -221,88 +241,120 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// Makes the shading records of a chunk of spheres, from index `first` on; if `short`, in the short form, too.
-pub fn shading<W: Lanes<Number = f64>, E: Element>(
-    view: &SphereView<f64>,
-    spheres: SphereChunk<'_>,
-    lights: &[TileLight<f64>],
-    short: bool,
+/// A packet of spheres in front, whose shading records are made.
+struct ShadedPacket<'a, W> {
+    view: &'a SphereView<f64>,
+    lights: &'a [TileLight<f64>],
+    centre: [W; 3],
+    radius: W,
+    in_front: InFront<W>,
+    colour: [W; 3],
+    /// The scale divided by the radius.
+    per: W,
+    /// The greatest weight; infinity if weights are not clamped.
+    most_weight: f64,
+    /// The index of the first sphere's record, and how many of the packet have one.
     first: usize,
-    records: &mut SphereRecords<E>,
-) {
-    let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
-    let step = all(view.step);
-    let mut of = SphereArrays::ZERO;
-    // A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but 0 times its weight is added beside it.
-    let most = if size_of::<E>() == size_of::<f32>() { f32::MAX.into() } else { f64::INFINITY };
-    for at in (0..chunk::<W>(spheres, &mut of)).step_by(W::COUNT) {
-        let (centre, radius) = numbers::<W>(&of, at);
-        let InFront { c, squared, k, origin, ray, h, d, .. } = InFront::new(view, centre, radius);
-        let t = h.each(|h| h / k);
-        let per = all(view.scale) / radius;
-        // The first part of n / t = (d - h c / k) - sqrt(D) c / k over the radius, and its increments: NORMAL.
-        let normal = |axis: usize, column: W, row: W| {
-            let t = t.each(|t| t * c[axis]);
-            [ray[axis] - t[0], column - t[1], t[2] - row].each(|x| x * per)
-        };
-        let [mx, my, mz] = [normal(0, step, zero), normal(1, zero, step), normal(2, zero, zero)];
-        let to_light =
-            |light: &TileLight<f64>| zip([light.x, light.y, light.z].each(all), centre, |l, c| (l - c) / radius);
-        let colour = [&of.red, &of.green, &of.blue].each(|channel| W::load_bits(&channel[at..]));
-        let weights = |light: &TileLight<f64>, white: f64| {
-            let radiance = [light.red, light.green, light.blue].each(all);
-            zip(colour, radiance, |colour, light| {
-                let weight = colour * all(white) * light;
-                if most.is_finite() { weight.min(all(most)) } else { weight }
-            })
-        };
-        let lanes = W::COUNT.min(spheres.candidates.len() - at);
-        let place = |lane: usize, number: usize| (first + at + lane) * lights.len() + number;
+    lanes: usize,
+}
 
-        // The short form: how far the terms of kn and ke cancel decides whether it is accurate enough.
-        let mut accurate = W::all(f64::mask(short));
+impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
+    /// The vector from the centre to a light, in radii.
+    #[inline(always)]
+    fn to_light(&self, light: &TileLight<f64>) -> [W; 3] {
+        zip([light.x, light.y, light.z].each(W::all), self.centre, |l, c| (l - c) / self.radius)
+    }
+
+    /// The weight of a light in each channel, where full light is `white`.
+    #[inline(always)]
+    fn weights(&self, light: &TileLight<f64>, white: f64) -> [W; 3] {
+        let radiance = [light.red, light.green, light.blue].each(W::all);
+        zip(self.colour, radiance, |colour, light| {
+            let weight = colour * W::all(white) * light;
+            if self.most_weight.is_finite() { weight.min(W::all(self.most_weight)) } else { weight }
+        })
+    }
+
+    /// The index of the record of a light for the sphere in a lane.
+    fn index(&self, lane: usize, light: usize) -> usize {
+        (self.first + lane) * self.lights.len() + light
+    }
+
+    /// Makes the records of the short form, and returns a mask of the spheres for which it is
+    /// accurate enough: that depends on how far the terms of kn and ke cancel.
+    #[inline(always)]
+    fn put_shorts<E: Element>(&self, records: &mut SphereRecords<E>) -> W {
+        let (all, one) = (W::all, W::of(1.0));
+        let InFront { c, squared, k, ray, .. } = self.in_front;
+        let step = all(self.view.step);
+        let mut accurate = all(f64::mask(true));
         let length = squared.sqrt() + one;
-        for (number, light) in lights.iter().enumerate().filter(|_| short) {
-            let from_centre = to_light(light);
+        for (number, light) in self.lights.iter().enumerate() {
+            let from_centre = self.to_light(light);
             let distance = dot_unfused(from_centre, from_centre).sqrt();
             let (gap, products) = (distance - one, distance * length);
-            let l = [light.x, light.y, light.z].each(|x| all(x) / radius);
+            let l = [light.x, light.y, light.z].each(|x| all(x) / self.radius);
             let (kn, ke) = (k - dot_unfused(l, c), dot_unfused(l, l) - k);
             let loss = ((kn.abs() + products) / gap).max((ke.abs() + (products + products)) / (gap * gap));
             let [near, far, most] = SHORT.each(W::of);
             accurate = accurate.and(gap.greater(near)).and(far.greater(gap)).and(most.greater(loss));
-            let q = from_centre.each(|x| x * per);
-            let [red, green, blue] = weights(light, 255.0);
+            let q = from_centre.each(|x| x * self.per);
+            let [red, green, blue] = self.weights(light, 255.0);
             let (q0, qx, qy) = (dot_unfused(q, ray), q[0] * step, (q[1] * step).negated());
-            for lane in 0..lanes {
+            for lane in 0..self.lanes {
                 let [q0, qx, qy, kn, ke, red, green, blue] =
                     [q0, qx, qy, kn, ke, red, green, blue].each(|x| x.lane(lane));
-                records.shorts[place(lane, number)] = ShortLight { q0, qx, qy, kn, ke, red, green, blue }.round();
+                records.shorts[self.index(lane, number)] = ShortLight { q0, qx, qy, kn, ke, red, green, blue }.round();
             }
         }
+        accurate
+    }
 
-        // The long form, from the light relative to the centre.
-        let all_short = (0..W::COUNT).all(|lane| accurate.lane(lane).is_set());
-        for (number, light) in lights.iter().enumerate().filter(|_| !all_short) {
-            let from_centre = to_light(light);
+    /// Makes the records of the long form, from the light relative to the centre.
+    #[inline(always)]
+    fn put_longs<E: Element>(&self, records: &mut SphereRecords<E>) {
+        let far = W::all(self.view.far);
+        for (number, light) in self.lights.iter().enumerate() {
+            let from_centre = self.to_light(light);
             let distance = dot_unfused(from_centre, from_centre).sqrt();
-            let is_far = distance.greater(all(view.far));
-            let over = all(view.far) / distance;
+            let is_far = distance.greater(far);
+            let over = far / distance;
             let [x, y, z] = from_centre.each(|x| is_far.select(x * over, x));
-            let [red, green, blue] = weights(light, view.white);
-            for lane in 0..lanes {
+            let [red, green, blue] = self.weights(light, self.view.white);
+            for lane in 0..self.lanes {
                 let [x, y, z, red, green, blue] = [x, y, z, red, green, blue].each(|x| x.lane(lane));
-                records.lits[place(lane, number)] =
+                records.lits[self.index(lane, number)] =
                     ObjectLight { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.round();
             }
         }
-        let shorts = accurate.and(one);
-        for lane in 0..lanes {
+    }
+
+    /// The first part of n / t = (d - h c / k) - sqrt(D) c / k over the radius, and its increments
+    /// for a column and a row: NORMAL.
+    #[inline(always)]
+    fn normals(&self) -> [[W; 3]; 3] {
+        let InFront { c, k, ray, h, .. } = self.in_front;
+        let (step, zero) = (W::all(self.view.step), W::of(0.0));
+        let t = h.each(|h| h / k);
+        let normal = |axis: usize, column: W, row: W| {
+            let t = t.each(|t| t * c[axis]);
+            [ray[axis] - t[0], column - t[1], t[2] - row].each(|x| x * self.per)
+        };
+        [normal(0, step, zero), normal(1, zero, step), normal(2, zero, zero)]
+    }
+
+    /// Makes the records of the spheres; those in the mask `accurate` have the short form.
+    #[inline(always)]
+    fn put_spheres<E: Element>(&self, accurate: W, records: &mut SphereRecords<E>) {
+        let InFront { c, d, origin, .. } = self.in_front;
+        let normals = self.normals();
+        let shorts = accurate.and(W::of(1.0));
+        for lane in 0..self.lanes {
             let number = |x: W| x.lane(lane);
-            let [[mx, mxx, mxy], [my, myx, myy], [mz, mzx, mzy]] = [mx, my, mz].each(|m| m.each(number));
+            let [[mx, mxx, mxy], [my, myx, myy], [mz, mzx, mzy]] = normals.each(|m| m.each(number));
             let ([d0, dx, dy, dxx, dxy, dyy], [ux, uy, uz]) = (d.each(number), c.each(number));
             let [column, row, short] = [origin[0], origin[1], shorts].each(number);
-            records.spheres[first + at + lane] = TileSphere {
+            records.spheres[self.first + lane] = TileSphere {
                 column,
                 row,
                 d0,
@@ -331,7 +383,44 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// The scaled 1/t of the nearest wall of a sphere around the camera or beside it, at pixels; 0 if the ray misses it.
+/// Makes the shading records of a chunk of spheres, from index `first` on; if `short`, in the short
+/// form, too.
+pub fn shading<W: Lanes<Number = f64>, E: Element>(
+    view: &SphereView<f64>,
+    spheres: SphereChunk<'_>,
+    lights: &[TileLight<f64>],
+    short: bool,
+    first: usize,
+    records: &mut SphereRecords<E>,
+) {
+    let mut of = SphereArrays::ZERO;
+    // A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but 0 times its weight
+    // is added beside it.
+    let most_weight = if size_of::<E>() == size_of::<f32>() { f32::MAX.into() } else { f64::INFINITY };
+    for at in (0..chunk::<W>(spheres, &mut of)).step_by(W::COUNT) {
+        let CentresAndRadii { centre, radius } = centres_and_radii::<W>(&of, at);
+        let packet = ShadedPacket {
+            view,
+            lights,
+            centre,
+            radius,
+            in_front: InFront::new(view, centre, radius),
+            colour: [&of.red, &of.green, &of.blue].each(|channel| W::load_bits(&channel[at..])),
+            per: W::all(view.scale) / radius,
+            most_weight,
+            first: first + at,
+            lanes: W::COUNT.min(spheres.candidates.len() - at),
+        };
+        let accurate = if short { packet.put_shorts(records) } else { W::all(f64::mask(false)) };
+        if !(0..W::COUNT).all(|lane| accurate.lane(lane).is_set()) {
+            packet.put_longs(records);
+        }
+        packet.put_spheres(accurate, records);
+    }
+}
+
+/// The scaled 1/t of the nearest wall of a sphere around the camera or beside it, at pixels; 0 if
+/// the ray misses it.
 #[inline(always)]
 pub fn around<W: Lanes<Number = f64>>(sphere: &AroundSphere<f64>, column: W, row: W) -> W {
     let AroundSphere { step, half_width, half_height, square, cx, cy, cz, .. } = *sphere;

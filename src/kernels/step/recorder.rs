@@ -1,13 +1,15 @@
-//! The recorder in the trap handler: registers from a signal's context, and memory before and after an access.
+//! The recorder in the trap handler: registers from a signal's context, and memory before and after
+//! an access.
 
 use std::arch::x86_64::__cpuid_count;
 use std::ops::Range;
 use std::ptr;
 
-use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
+use iced_x86::{Decoder, DecoderOptions, Instruction, Register};
 
+use super::super::crash::general;
 use super::imp::TRAP_FLAG;
-use super::recording::{Moment, Recording, State, Touched, Visit};
+use super::recording::{MemoryOperand, Moment, Recording, State, Touched, Visit, VisitRecord, WORD, memory_operand};
 use super::{Unavailable, room};
 
 /// The components of the extended state beyond SSE, by their numbers in XCR0.
@@ -15,9 +17,6 @@ const UPPER_YMM: u32 = 2;
 const MASKS: u32 = 5;
 const UPPER_ZMM: u32 = 6;
 const HIGH_ZMM: u32 = 7;
-
-/// Bytes of an element of the stack.
-const WORD: usize = 8;
 
 /// The offset of a component in the state that XSAVE wrote, by CPUID, leaf 0DH.
 fn offset_of(component: u32) -> usize {
@@ -68,14 +67,13 @@ impl Recorder {
         Ok(Recorder { watched: watched.into(), executed: 0, keeps })
     }
 
-    /// The record, and whether it is complete.
-    pub fn into_visits(self) -> (Vec<Visit>, bool) {
+    pub fn into_visits(self) -> VisitRecord {
         match self.keeps {
             Keeps::Visits(visits) => {
-                let all = visits.len() as u64 == self.executed;
-                (visits, all)
+                let complete = visits.len() as u64 == self.executed;
+                VisitRecord { visits, complete }
             }
-            Keeps::Moments(_) => (Vec::new(), false),
+            Keeps::Moments(_) => VisitRecord { visits: Vec::new(), complete: false },
         }
     }
 
@@ -84,13 +82,15 @@ impl Recorder {
             Keeps::Visits(_) => Vec::new(),
             Keeps::Moments(moments) => moments.kept,
         };
-        Recording { moments, executed: self.executed }
+        Recording { moments, executed: self.executed, crashed: None }
     }
 
-    /// Called before each instruction, with the context that it interrupted. Returns whether the record is full.
+    /// Called before each instruction, with the context that it interrupted. Returns whether the
+    /// record is full.
     ///
     /// # Safety
-    /// The context is that of a trap after an instruction, and its next instruction is about to be executed.
+    /// The context is that of a trap after an instruction, and its next instruction is about to be
+    /// executed.
     pub unsafe fn trap(&mut self, context: &libc::ucontext_t) -> bool {
         let rip = context.uc_mcontext.gregs[libc::REG_RIP as usize] as usize;
         let range = self.watched.iter().find(|range| range.contains(&rip));
@@ -99,7 +99,8 @@ impl Recorder {
         let mut code = [0; 16];
         if let Some(range) = range {
             let length = code.len().min(range.end - rip);
-            // SAFETY: code from here to the end of the range, which is mapped and which nobody writes.
+            // SAFETY: code from here to the end of the range, which is mapped and which nobody
+            // writes.
             unsafe { ptr::copy_nonoverlapping(rip as *const u8, code.as_mut_ptr(), length) };
         }
         match &mut self.keeps {
@@ -108,7 +109,8 @@ impl Recorder {
                     if visits.len() == visits.capacity() {
                         return true;
                     }
-                    let (address, bytes) = operand(&decoded(&code, rip), &general(context)).unwrap_or_default();
+                    let MemoryOperand { address, bytes } =
+                        memory_operand(&decoded(&code, rip), &general(context)).unwrap_or_default();
                     visits.push(Visit { rip: rip as u64, address, bytes: bytes as u8 });
                 }
             }
@@ -135,8 +137,7 @@ impl Moments {
             return;
         }
         if let (Some(instruction), Some(Moment { state, touched: Some(touched), .. })) = (ran, self.kept.last_mut()) {
-            // SAFETY: the instruction has just read or written these bytes.
-            unsafe { touch(&instruction, state, touched.address, &mut touched.after) };
+            touch(&instruction, state, touched.address, &mut touched.after);
         }
         if self.kept.len() > self.most {
             return;
@@ -146,10 +147,9 @@ impl Moments {
         let mut touched = None;
         if number.is_some() && self.kept.len() < self.most {
             let instruction = decoded(&code, state.rip as usize);
-            touched = operand(&instruction, &state.general).map(|(address, bytes)| {
+            touched = memory_operand(&instruction, &state.general).map(|MemoryOperand { address, bytes }| {
                 let mut touched = Touched { address, bytes: bytes as u8, before: [0; 64], after: [0; 64] };
-                // SAFETY: the instruction is about to read or write these bytes, and would fault where they are not there.
-                unsafe { touch(&instruction, &state, address, &mut touched.before) };
+                touch(&instruction, &state, address, &mut touched.before);
                 touched
             });
             self.running = Some(instruction);
@@ -160,10 +160,11 @@ impl Moments {
     /// The registers of a context.
     ///
     /// # Safety
-    /// The context is that of a signal: its pointer leads to the floating-point state that the operating system saved.
+    /// The context is that of a signal: its pointer leads to the floating-point state that the
+    /// operating system saved.
     unsafe fn state(&self, context: &libc::ucontext_t) -> State {
-        /// Offsets in what FXSAVE writes, and the operating system's mark in the unused bytes that the extended state
-        /// follows.
+        /// Offsets in what FXSAVE writes, and the operating system's mark in the unused bytes that
+        /// the extended state follows.
         const MXCSR: usize = 24;
         const XMM: usize = 160;
         const MARK: usize = 464;
@@ -182,8 +183,8 @@ impl Moments {
         };
         let saved = context.uc_mcontext.fpregs.cast::<u8>().cast_const();
         let [upper_ymm, masks, upper_zmm, high_zmm] = self.offsets;
-        // SAFETY: the legacy area is always there, the extended one where it is marked, and each component at its offset in
-        // the standard form, which signals use, if the header says so.
+        // SAFETY: the legacy area is always there, the extended one where it is marked, and each
+        // component at its offset in the standard form, which signals use, if the header says so.
         unsafe {
             state.mxcsr = saved.add(MXCSR).cast::<u32>().read_unaligned();
             let copy =
@@ -220,63 +221,37 @@ impl Moments {
     }
 }
 
-/// The general registers of a context, by their numbers in instructions.
-fn general(context: &libc::ucontext_t) -> [u64; 16] {
-    const ORDER: [libc::c_int; 16] = {
-        use libc::*;
-        [
-            REG_RAX, REG_RCX, REG_RDX, REG_RBX, REG_RSP, REG_RBP, REG_RSI, REG_RDI, REG_R8, REG_R9, REG_R10, REG_R11,
-            REG_R12, REG_R13, REG_R14, REG_R15,
-        ]
-    };
-    ORDER.map(|register| context.uc_mcontext.gregs[register as usize] as u64)
-}
-
-/// The address and length of an instruction's memory operand.
-fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize)> {
-    use Mnemonic::*;
-    let stack = general[4];
-    match instruction.mnemonic() {
-        // These have an address, but do not access memory there.
-        Lea | Nop | Prefetch | Prefetchnta | Prefetcht0 | Prefetcht1 | Prefetcht2 | Prefetchw | Prefetchwt1 => {
-            return None;
-        }
-        Push | Call => return Some((stack.wrapping_sub(WORD as u64), WORD)),
-        Pop | Ret => return Some((stack, WORD)),
-        _ => {}
-    }
-    let operand = (0..instruction.op_count()).find(|&index| instruction.op_kind(index) == OpKind::Memory)?;
-    let address = instruction.virtual_address(operand, 0, |register, _, _| match register {
-        Register::ES | Register::CS | Register::SS | Register::DS => Some(0),
-        _ if register.is_gpr64() => Some(general[register.number()]),
-        _ => None,
-    })?;
-    Some((address, instruction.memory_size().size().min(64)))
-}
-
-/// Copies an instruction's memory at `address`; elements that its mask excludes stay 0. No kernel compresses to memory.
-///
-/// # Safety
-/// It is being executed with the mask registers of `state`, and accesses what [`operand`] says.
-unsafe fn touch(instruction: &Instruction, state: &State, address: u64, to: &mut [u8; 64]) {
-    let from = address as *const u8;
+/// Copies an instruction's memory at `address`; elements that its mask excludes stay 0, as do those
+/// that are not there to be read, at which the instruction faults. No kernel compresses to memory.
+fn touch(instruction: &Instruction, state: &State, address: u64, to: &mut [u8; 64]) {
     let size = instruction.memory_size();
     if size.size() == 0 {
-        // SAFETY: a word of the stack: the operand is implicit.
-        unsafe { ptr::copy_nonoverlapping(from, to.as_mut_ptr(), WORD) };
-        return;
+        // A word of the stack: the operand is implicit.
+        return read_memory(address, &mut to[..WORD]);
     }
-    let mask = match instruction.op_mask() {
-        Register::None => u64::MAX,
-        register => state.masks[register.number()],
-    };
+    let bytes = size.size().min(64);
+    if instruction.op_mask() == Register::None || size.is_broadcast() {
+        return read_memory(address, &mut to[..bytes]);
+    }
+    let mask = state.masks[instruction.op_mask().number()];
     let element = size.element_size();
-    for index in 0..size.size().min(64) / element {
-        if mask >> index & 1 != 0 || size.is_broadcast() {
-            // SAFETY: an element that is touched.
-            unsafe {
-                ptr::copy_nonoverlapping(from.add(index * element), to.as_mut_ptr().add(index * element), element)
-            };
-        }
+    for index in (0..bytes / element).filter(|index| mask >> index & 1 != 0) {
+        let first = index * element;
+        read_memory(address + first as u64, &mut to[first..first + element]);
+    }
+}
+
+/// Copies memory that an instruction accesses, or nothing where it is not there, at which the
+/// instruction faults.
+fn read_memory(address: u64, to: &mut [u8]) {
+    let local = libc::iovec { iov_base: to.as_mut_ptr().cast(), iov_len: to.len() };
+    let remote = libc::iovec { iov_base: address as *mut libc::c_void, iov_len: to.len() };
+    // SAFETY: the system call writes to `to` alone, and answers with an error where there is
+    // nothing to read.
+    let read = unsafe { libc::process_vm_readv(libc::getpid(), &local, 1, &remote, 1, 0) };
+    // Some sandboxes forbid the call.
+    if read < 0 && std::io::Error::last_os_error().raw_os_error() != Some(libc::EFAULT) {
+        // SAFETY: who may not read here, faults here as there.
+        unsafe { ptr::copy_nonoverlapping(address as *const u8, to.as_mut_ptr(), to.len()) };
     }
 }

@@ -1,6 +1,15 @@
-//! The records of single-stepping a kernel: registers between instructions, and the memory that each touched.
+//! The records of single-stepping a kernel: registers between instructions, and the memory that
+//! each touched.
 
-/// General registers, flags and vectors between two instructions. Registers that the CPU lacks are 0.
+use iced_x86::{Instruction, Mnemonic, OpKind, Register};
+
+use crate::kernels::kernel::Crashed;
+
+/// Bytes of an element of the stack.
+pub(super) const WORD: usize = 8;
+
+/// General registers, flags and vectors between two instructions. Registers that the CPU lacks are
+/// 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct State {
     /// rax, rcx, rdx, rbx, rsp, rbp, rsi, rdi, r8 to r15: by their numbers in instructions.
@@ -17,8 +26,9 @@ pub struct State {
     pub masks: [u64; 8],
 }
 
-/// The memory that an instruction reads or writes, which is at most one operand; for `push`, `pop`, `call` and `ret`
-/// the stack. Elements that a mask excludes are 0 in both, since they may not be touched.
+/// The memory that an instruction reads or writes, which is at most one operand; for `push`, `pop`,
+/// `call` and `ret` the stack. Elements that a mask excludes are 0 in both, since they may not be
+/// touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Touched {
     /// The address of its first byte.
@@ -51,6 +61,14 @@ pub struct Visit {
     pub bytes: u8,
 }
 
+/// Executions of instructions, in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VisitRecord {
+    pub visits: Vec<Visit>,
+    /// Whether these are all that there were.
+    pub complete: bool,
+}
+
 /// An instruction that was executed.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
@@ -70,6 +88,9 @@ pub struct Recording {
     pub(super) moments: Vec<Moment>,
     /// The number of all of them.
     pub executed: u64,
+    /// The crash that ended them. Its instruction is among those executed, and not among the
+    /// [steps](Recording::steps).
+    pub crashed: Option<Box<Crashed>>,
 }
 
 impl Recording {
@@ -85,4 +106,33 @@ impl Recording {
             })
         })
     }
+}
+
+/// The memory that an instruction accesses.
+#[derive(Clone, Copy, Default)]
+pub struct MemoryOperand {
+    pub address: u64,
+    pub bytes: usize,
+}
+
+/// The memory operand of an instruction, with these general registers before it.
+pub fn memory_operand(instruction: &Instruction, general: &[u64; 16]) -> Option<MemoryOperand> {
+    use Mnemonic::*;
+    let stack = general[4];
+    match instruction.mnemonic() {
+        // These have an address, but do not access memory there.
+        Lea | Nop | Prefetch | Prefetchnta | Prefetcht0 | Prefetcht1 | Prefetcht2 | Prefetchw | Prefetchwt1 => {
+            return None;
+        }
+        Push | Call => return Some(MemoryOperand { address: stack.wrapping_sub(WORD as u64), bytes: WORD }),
+        Pop | Ret => return Some(MemoryOperand { address: stack, bytes: WORD }),
+        _ => {}
+    }
+    let operand = (0..instruction.op_count()).find(|&index| instruction.op_kind(index) == OpKind::Memory)?;
+    let address = instruction.virtual_address(operand, 0, |register, _, _| match register {
+        Register::ES | Register::CS | Register::SS | Register::DS => Some(0),
+        _ if register.is_gpr64() => Some(general[register.number()]),
+        _ => None,
+    })?;
+    Some(MemoryOperand { address, bytes: instruction.memory_size().size().min(64) })
 }

@@ -1,4 +1,4 @@
-//! Bins: the lists of the objects that each tile may see.
+//! Bins: for each tile, the list of the objects that may be visible in it.
 
 use std::cmp::Reverse;
 use std::ops::Range;
@@ -6,48 +6,101 @@ use std::ops::Range;
 use super::place::{Picture, TilePlace, range, tile_range};
 use crate::kernels::{Candidate, TILE_HEIGHT, TILE_WIDTH, sys};
 
-/// Up to this many spheres are sorted by distance: the nearer ones of a tile then come first, and most blocks of pixels
-/// reject the others before their roots. Sorting more costs more than it gains.
+/// Up to this many spheres are sorted by distance: the nearer ones of a tile then come first, and
+/// most blocks of pixels reject the others before their roots. Sorting more costs more than it
+/// gains.
 pub(super) const MOST_SORTED: usize = 1 << 11;
 
 /// A block that is made ahead has room for at most this many objects, 16 MiB.
 const MOST_IN_BLOCK: usize = 1 << 20;
 
-/// The objects that may be visible in each tile, for one piece of the scene after another.
+/// For each tile the objects that may be visible in it. They are in as many lists as the scene has
+/// pieces, since a piece is added as a whole.
 #[derive(Default)]
 pub(super) struct Bins {
     picture: Picture,
     /// An object in more tiles is large; if None, all objects are, and in all tiles.
     most_tiles: Option<usize>,
     pieces: Vec<Piece>,
-    /// The content of their lists. Each block may have room for more.
+    /// The memory of the lists. A block has those of several pieces, and may have room for more.
     blocks: Vec<Vec<Candidate>>,
-    /// The objects in many tiles.
+    /// The objects in many tiles, except those that are tall.
     large: Vec<Large>,
+    tall: Tall,
     /// Memory for the runs of a piece.
     runs: Vec<Run>,
+}
+
+/// Those objects in many tiles that are in few columns of tiles: the tiles of its columns look at
+/// each. All tiles of its rows look at any other one in many tiles.
+#[derive(Default)]
+struct Tall {
+    objects: Vec<Large>,
+    /// For each column of tiles the indices of those in it; none if there are no tall objects.
+    in_column: Vec<Vec<u32>>,
+}
+
+impl Tall {
+    /// An object in more columns of tiles is not tall: it takes memory in the lists of each.
+    const MOST_COLUMNS: usize = 4;
+
+    /// Whether an object is: its columns have fewer tiles than its rows.
+    fn is_tall(candidate: &Candidate, picture: Picture) -> bool {
+        let TileRanges { columns, rows } = TileRanges::of(candidate);
+        let [across, down] = picture.tiles().map(|tiles| tiles as usize);
+        columns.len() <= Self::MOST_COLUMNS && columns.len() * down < rows.len() * across
+    }
+
+    /// With these objects, which are sorted.
+    fn new(objects: Vec<Large>, picture: Picture) -> Self {
+        let [across, _] = picture.tiles();
+        let mut in_column = vec![Vec::new(); if objects.is_empty() { 0 } else { across as usize }];
+        for (index, large) in objects.iter().enumerate() {
+            for column in TileRanges::of(&large.candidate).columns {
+                in_column[column as usize].push(index as u32);
+            }
+        }
+        Tall { objects, in_column }
+    }
+}
+
+/// The progress of a tile through the objects in many tiles: the next one of those of its row, and
+/// of the tall ones of its column.
+#[derive(Clone, Copy, Default)]
+pub(super) struct NextLarge {
+    in_row: usize,
+    in_column: usize,
 }
 
 /// An object in many tiles.
 #[derive(Clone, Copy)]
 struct Large {
     candidate: Candidate,
-    /// The upper bound of its 1/t at a pixel: a constant, and the coefficients of the column and the row.
+    /// The upper bound of its 1/t at a pixel: a constant, and the coefficients of the column and
+    /// the row.
     most: [f32; 3],
 }
 
-/// The objects in many tiles that meet a row of tiles, the nearest first, as far as a tile has asked: its neighbours need
-/// not go through all of the picture's.
+impl Large {
+    /// Its rank: the nearest come first. Distances are not negative, and so ordered by their bits.
+    fn rank(&self) -> (Reverse<u32>, u32) {
+        (Reverse(self.candidate.most.to_bits()), self.candidate.id)
+    }
+}
+
+/// Those large objects, except the tall ones, whose bounds meet one row of tiles, the nearest
+/// first. It is filled as far as some tile of the row has needed, so that the next tile does not go
+/// through all large objects of the picture again.
 #[derive(Default)]
 pub struct LargeInRow {
     down: u32,
-    /// How many of the picture's have been looked at.
+    /// How many large objects of the picture have been tested for this row.
     seen: usize,
     objects: Vec<Large>,
 }
 
-/// Consecutive objects of a piece that are in the same tiles, as neighbours in a mesh mostly are, and the first of
-/// these tiles.
+/// Consecutive objects of a piece that are in the same tiles, as neighbours in a mesh mostly are,
+/// and the first of these tiles.
 #[derive(Clone, Copy, Default)]
 struct Run {
     start: u32,
@@ -65,12 +118,13 @@ impl Run {
     }
 }
 
-/// The place of the objects of a piece of the scene.
+/// Where the lists of a piece of the scene are.
 struct Piece {
     /// Its index in the scene.
     number: usize,
     block: usize,
-    /// In the block: the beginning of each tile's objects, and the end of the last one's.
+    /// For each tile the index in the block at which its list begins; and last, where the list of
+    /// the last tile ends.
     starts: Vec<u32>,
 }
 
@@ -86,16 +140,17 @@ impl Bins {
     }
 
     pub(super) fn tiles(&self) -> usize {
-        let Picture { width, height } = self.picture;
-        (width.div_ceil(TILE_WIDTH as u32) * height.div_ceil(TILE_HEIGHT as u32)) as usize
+        let [across, down] = self.picture.tiles();
+        (across * down) as usize
     }
 
-    /// Adds the candidates of piece `number` of the scene, after which about `pieces_left` like it will come. A few
-    /// stay in their order, as sorted spheres must; of many the lists begin with those that are in no other tile.
+    /// Adds the candidates of piece `number` of the scene, after which about `pieces_left` like it
+    /// will come. A few stay in their order, as sorted spheres must; of many the lists begin with
+    /// those that are in no other tile.
     pub(super) fn add(&mut self, number: usize, candidates: &[Candidate], pieces_left: f64) {
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
-        // The number of objects in each tile, later their beginnings.
+        // First the number of objects of each tile, and then where its list begins.
         let mut starts = vec![0_u32; self.tiles() + 1];
         let in_order = candidates.len() <= MOST_SORTED || self.most_tiles.is_none();
         let (in_one, in_more) = runs_of(candidates, across, in_order, &mut self.runs);
@@ -118,7 +173,7 @@ impl Bins {
         corners.add_sums_to(&mut starts);
         let count: usize = starts.iter().map(|count| *count as usize).sum();
         if self.blocks.last().is_none_or(|last| last.capacity() - last.len() < count) {
-            // The next pieces may have slightly more.
+            // The next pieces may have slightly more entries.
             let likely = count + count / 64;
             let more = (MOST_IN_BLOCK / likely.max(1)).saturating_sub(1);
             let room_for_more = likely as f64 * pieces_left.min(more as f64);
@@ -129,7 +184,8 @@ impl Bins {
         for start in &mut starts {
             sum += std::mem::replace(start, sum);
         }
-        // Brings the memory into the core's own caches, where the lists can then be written in any order.
+        // Writing zeros in order brings the memory into the core's own caches, where the lists can
+        // then be written in any order.
         lists.resize(lists.len() + count, Candidate::default());
         let mut next = starts.clone();
         for run in in_one {
@@ -144,7 +200,7 @@ impl Bins {
         self.pieces.push(Piece { number, block, starts });
     }
 
-    /// These bins with the pieces of others, all in the scene's order.
+    /// Adds the pieces of other bins, and sorts all by their order in the scene.
     pub(super) fn and(mut self, other: Self) -> Self {
         let blocks = self.blocks.len();
         self.pieces.extend(other.pieces.into_iter().map(|piece| Piece { block: blocks + piece.block, ..piece }));
@@ -154,36 +210,46 @@ impl Bins {
         self
     }
 
-    /// Sorts the objects in many tiles by distance; `most` gives each one's upper bound of 1/t by its index, as in
-    /// [`Large`].
+    /// Sorts the large objects by distance, after all pieces have been added. `most` gives the
+    /// coefficients of [`Large::most`] by an object's index, or None to keep the constant one.
     pub(super) fn sort(&mut self, most: impl Fn(u32) -> Option<[f32; 3]>) {
         for large in &mut self.large {
             large.most = most(large.candidate.id).unwrap_or(large.most);
         }
-        // Not negative, and so ordered by their bits.
-        self.large.sort_unstable_by_key(|large| (Reverse(large.candidate.most.to_bits()), large.candidate.id));
+        self.large.sort_unstable_by_key(Large::rank);
+        if self.most_tiles.is_some() {
+            let picture = self.picture;
+            let tall = self.large.extract_if(.., |large| Tall::is_tall(&large.candidate, picture)).collect();
+            self.tall = Tall::new(tall, picture);
+        }
     }
 
-    /// All list entries, once for each list.
+    /// The entries of all lists: an object is there once for each tile that has it, or once if it
+    /// is large.
     pub(super) fn listed(&self) -> impl Iterator<Item = &Candidate> {
         let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
-        lists.chain(self.large.iter().map(|large| &large.candidate))
+        lists.chain(self.all_large().map(|large| &large.candidate))
     }
 
-    /// The objects in few tiles that may be visible in this one.
+    /// The lists of a tile, one for each piece. Large objects are not among them.
     pub(super) fn of_tile(&self, tile: TilePlace) -> impl Iterator<Item = &[Candidate]> {
         let index = (tile.down * self.picture.width.div_ceil(TILE_WIDTH as u32) + tile.across) as usize;
         self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
 
-    /// Adds objects in many tiles that may be visible in this one, the nearest first: up to `count` of them, from place
-    /// `next` in the row of tiles on, which is advanced. It stops at objects that cannot be at `least` or nearer.
-    /// Returns whether more may come.
+    /// The large objects.
+    fn all_large(&self) -> impl Iterator<Item = &Large> {
+        self.large.iter().chain(&self.tall.objects)
+    }
+
+    /// Adds up to `count` large objects that may be visible in a tile, from the nearest on. It
+    /// begins with the `next` ones, and advances them; and it ends at the first object whose 1/t is
+    /// below `least` everywhere. Returns whether there may be more.
     pub(super) fn add_large(
         &self,
         tile: TilePlace,
         in_row: &mut LargeInRow,
-        next: &mut usize,
+        next: &mut NextLarge,
         (count, least): (usize, f32),
         room: &mut Vec<Candidate>,
     ) -> bool {
@@ -192,18 +258,21 @@ impl Bins {
         let [half_width, half_height] = [TILE_WIDTH, TILE_HEIGHT].map(|side| 0.5 * (side - 1) as f32);
         let (x, y) = (column as f32 + half_width, row as f32 + half_height);
         let enough = room.len() + count;
-        while let Some(Large { mut candidate, most: [most, across, down] }) = self.next_in_row(tile, in_row, *next) {
+        while let Some((Large { mut candidate, most: [most, across, down] }, is_tall)) =
+            self.next_large(tile, in_row, next)
+        {
             if candidate.most < least {
                 return false;
             }
             if room.len() == enough {
                 return true;
             }
-            *next += 1;
+            *(if is_tall { &mut next.in_column } else { &mut next.in_row }) += 1;
             let columns = range(candidate.columns);
             let is_in = columns.start < column + TILE_WIDTH as u32 && column < columns.end;
             let here = most + across * x + down * y + across.abs() * half_width + down.abs() * half_height;
-            // Where a tile reaches beyond the picture, a sum may be beyond f32: it is no bound then.
+            // Where a tile reaches beyond the picture, the sum may leave the range of f32, and is
+            // no bound then.
             if here.is_finite() && here < candidate.most {
                 candidate.most = if here > 0.0 { here } else { 0.0 };
             }
@@ -214,7 +283,34 @@ impl Bins {
         false
     }
 
-    /// The object in many tiles at place `next` of a tile's row.
+    /// The nearest one of the next large objects, and whether it is tall.
+    #[inline]
+    fn next_large(&self, tile: TilePlace, in_row: &mut LargeInRow, next: &mut NextLarge) -> Option<(Large, bool)> {
+        let in_row = self.next_in_row(tile, in_row, next.in_row);
+        match (in_row, self.next_in_column(tile, &mut next.in_column)) {
+            (Some(in_row), Some(tall)) if tall.rank() < in_row.rank() => Some((tall, true)),
+            (Some(in_row), _) => Some((in_row, false)),
+            (None, tall) => tall.map(|tall| (tall, true)),
+        }
+    }
+
+    /// The next tall object of a tile's column that meets its row, from index `next` on, which is
+    /// advanced to it.
+    #[inline]
+    fn next_in_column(&self, tile: TilePlace, next: &mut usize) -> Option<Large> {
+        let in_column = self.tall.in_column.get(tile.across as usize)?;
+        let (_, row) = tile.first();
+        loop {
+            let large = self.tall.objects[*in_column.get(*next)? as usize];
+            let rows = range(large.candidate.rows);
+            if rows.start < row + TILE_HEIGHT as u32 && row < rows.end {
+                return Some(large);
+            }
+            *next += 1;
+        }
+    }
+
+    /// The large object at index `next` of those that meet a tile's row.
     fn next_in_row(&self, tile: TilePlace, in_row: &mut LargeInRow, next: usize) -> Option<Large> {
         if in_row.down != tile.down {
             in_row.objects.clear();
@@ -232,14 +328,15 @@ impl Bins {
         Some(in_row.objects[next])
     }
 
-    /// The nearest of the objects in many tiles.
+    /// The index of the nearest large object.
     pub(super) fn first_large(&self) -> Option<u32> {
-        self.large.first().map(|large| large.candidate.id)
+        let nearest = self.large.first().into_iter().chain(self.tall.objects.first());
+        nearest.min_by_key(|large| large.rank()).map(|large| large.candidate.id)
     }
 
-    /// The number of objects in many tiles, and of entries in the lists of the others.
+    /// The number of large objects, and of entries in the lists of the others.
     pub(super) fn counts(&self) -> [usize; 2] {
-        [self.large.len(), self.blocks.iter().map(Vec::len).sum()]
+        [self.all_large().count(), self.blocks.iter().map(Vec::len).sum()]
     }
 }
 
@@ -250,15 +347,55 @@ impl Piece {
     }
 }
 
-/// For each tile, row by row, whether any of these may be in it.
-pub(super) fn tiles_of(candidates: &[Candidate], picture: Picture) -> Vec<bool> {
-    let across = picture.width.div_ceil(TILE_WIDTH as u32);
-    let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
-    candidates.iter().for_each(|candidate| TileRanges::of(candidate).each(across, |tile| tiles[tile] = true));
-    tiles
+/// The tiles that have an object whose numbers are beyond f32.
+#[derive(Default)]
+pub(super) struct WideTiles {
+    picture: Picture,
+    /// Whether each tile is one of them, row by row; empty if none is.
+    are_wide: Vec<bool>,
 }
 
-/// Columns and rows of tiles.
+impl WideTiles {
+    /// None of a picture's.
+    pub(super) fn none_of(picture: Picture) -> Self {
+        WideTiles { picture, are_wide: Vec::new() }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.are_wide.is_empty()
+    }
+
+    pub(super) fn has(&self, tile: TilePlace) -> bool {
+        let [across, _] = self.picture.tiles();
+        self.are_wide.get((tile.down * across + tile.across) as usize) == Some(&true)
+    }
+
+    /// Adds a tile.
+    pub(super) fn add(&mut self, tile: TilePlace) {
+        let [across, down] = self.picture.tiles();
+        self.are_wide.resize((across * down) as usize, false);
+        self.are_wide[(tile.down * across + tile.across) as usize] = true;
+    }
+
+    /// Adds all tiles that an object may be in.
+    pub(super) fn add_all_of(&mut self, candidate: &Candidate) {
+        let TileRanges { columns, rows } = TileRanges::of(candidate);
+        for down in rows {
+            columns.clone().for_each(|across| self.add(TilePlace { across, down }));
+        }
+    }
+
+    /// These and others of the same picture.
+    pub(super) fn and(mut self, others: WideTiles) -> Self {
+        if self.is_empty() {
+            return others;
+        }
+        self.are_wide.iter_mut().zip(others.are_wide).for_each(|(is_wide, other)| *is_wide |= other);
+        self
+    }
+}
+
+/// The columns and rows of tiles that bounds meet.
 struct TileRanges {
     columns: Range<u32>,
     rows: Range<u32>,
@@ -289,10 +426,12 @@ impl TileRanges {
     }
 }
 
-/// The number of objects in each tile, from its changes between tiles: four for an object in any number of tiles.
+/// Counts the objects of each tile by differences. An object whose bounds meet any number of tiles
+/// changes only four numbers, at the corners of its rectangle; sums across and down then give the
+/// counts.
 struct Corners {
     across: usize,
-    /// With one column and one row beyond the last.
+    /// By tile, row by row, with one column and one row beyond the last.
     changes: Vec<u32>,
 }
 
@@ -328,7 +467,8 @@ impl Corners {
     }
 }
 
-/// One by one, since a copy of variable length is a call.
+/// Copies a run to the end of a tile's list: entry by entry, since a copy of variable length is a
+/// function call.
 fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
     for candidate in run {
         lists[*next as usize] = *candidate;
@@ -336,15 +476,18 @@ fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
     }
 }
 
-/// All objects, none of which has empty bounds: the runs of those in one tile, and the others, by way of `room`. If
-/// they are to stay `in_order`, all are among the others. A branch between the two would be mispredicted.
+/// Divides objects, none of which has empty bounds, into runs: those of objects that are in one
+/// tile, and the others. Both are kept in `room`. With `in_order` all runs are among the others,
+/// which keep their order. Each run is written to both ends of `room`, since a branch between the
+/// two would be mispredicted.
 fn runs_of<'a>(
     candidates: &[Candidate],
     across: u32,
     in_order: bool,
     room: &'a mut Vec<Run>,
 ) -> (&'a [Run], impl Iterator<Item = &'a Run> + Clone) {
-    // The first and the last pixels, whose upper bits give the tile.
+    // What `places` makes of bounds: the first and the last column and row, of which only the bits
+    // are kept that differ between tiles.
     const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
     const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
     const FIRST: u64 = 0x0000_ffff_0000_ffff;
@@ -353,7 +496,7 @@ fn runs_of<'a>(
     };
     room.resize(room.len().max(candidates.len()), Run::default());
     let runs = &mut room[..candidates.len()];
-    // From the front, and from the back.
+    // The ends of the two lists: one grows from the front, the other from the back.
     let (mut in_one, mut in_more) = (0, runs.len());
     let mut start = 0;
     for run in candidates.chunk_by(|a, b| places(a) == places(b)) {
@@ -370,8 +513,63 @@ fn runs_of<'a>(
     (&runs[..in_one], runs[in_more..].iter().rev())
 }
 
-/// The bits of the first and the last pixel's numbers that differ between tiles.
+/// A mask of the bits that tell tiles apart, in the numbers of the first and of the last pixel.
 const fn tile_bits(side: usize) -> u64 {
     let of_one = 0x1_0000 - side as u64;
     of_one << 16 | of_one
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Bins, LargeInRow, NextLarge, TileRanges};
+    use crate::kernels::Candidate;
+    use crate::plan::tiles::place::{Picture, TilePlace};
+    use crate::scene::Rng;
+
+    const MOST_TILES: usize = 5;
+
+    /// Objects of all shapes, some of them equally near.
+    fn objects(picture: Picture, count: u32) -> Vec<Candidate> {
+        let mut rng = Rng::new(3);
+        let mut bounds = |side: u32, longest: u32| {
+            let start = rng.next_u64() as u32 % side;
+            let end = side.min(start + 1 + rng.next_u64() as u32 % longest);
+            start | end << 16
+        };
+        let Picture { width, height } = picture;
+        let object = |id: u32| {
+            let [longest_across, longest_down] =
+                [[20, height], [150, height], [width, 20], [width, height]][id as usize % 4];
+            let columns = bounds(width, longest_across);
+            Candidate { id, columns, rows: bounds(height, longest_down), most: (id % 50) as f32 }
+        };
+        (0..count).map(object).collect()
+    }
+
+    #[test]
+    fn a_tile_gets_its_large_objects_once_and_from_near_to_far() {
+        let picture = Picture { width: 1000, height: 700 };
+        let objects = objects(picture, 500);
+        let mut bins = Bins::new(picture, Some(MOST_TILES));
+        bins.add(0, &objects, 0.0);
+        bins.sort(|_| None);
+        let [large, tall] = [&bins.large, &bins.tall.objects].map(Vec::len);
+        assert!(large > 50 && tall > 50, "{large} and {tall} that are tall");
+        let [across, down] = picture.tiles();
+        let mut in_row = LargeInRow::default();
+        for tile in (0..down).flat_map(|down| (0..across).map(move |across| TilePlace { across, down })) {
+            let is_in = |object: &&Candidate| {
+                let tiles = TileRanges::of(object);
+                let is_large = tiles.count() > MOST_TILES;
+                is_large && tiles.columns.contains(&tile.across) && tiles.rows.contains(&tile.down)
+            };
+            let mut expected: Vec<_> = objects.iter().filter(is_in).copied().collect();
+            expected.sort_by_key(|object| (std::cmp::Reverse(object.most.to_bits()), object.id));
+            let (mut found, mut next) = (Vec::new(), NextLarge::default());
+            while bins.add_large(tile, &mut in_row, &mut next, (3, 10.0), &mut found) {}
+            // Objects farther than the limit end it.
+            expected.retain(|object| object.most >= 10.0);
+            assert_eq!(found, expected, "{tile:?}");
+        }
+    }
 }

@@ -1,26 +1,38 @@
 //! The number format in which the tile kernels can trace an object: f32, or f64.
 //!
-//! Kernels compare w = 1/t in units of the scene's `scale`. Results in f32 are as accurate as documented if:
+//! Kernels compare w = 1/t in units of the scene's `scale`. Results in f32 are as accurate as
+//! documented if:
 //!
-//! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its outline, the largest
-//!   of which is k / m of f^2, with k = c . c - 1 and m = cz^2 - 1 in radii. Divided by d . d that is k / m times the
-//!   squared cosine of the angle between the axis and the sphere's ray nearest to it: at most [`OUTLINE`].
-//! - **squares are numbers.** The largest is that of w l, at the nearest point and for the farthest light: w l stays below
-//!   [`MOST`]. A triangle's w over a whole tile, and a sphere's D, stay below [`MOST_OVER_A_TILE`].
-//! - **nothing is denormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a pixel's step times scale over
-//!   k radii: that product is at least [`LEAST`].
-//! - **lights keep their directions.** Those moved nearer, to [`FAR`], are still 2^26 times as far away as the object:
-//!   w is at least [`LEAST_INVERSE`].
-//! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle, w = t0 + tx x + ty y,
-//!   with an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. A tile
-//!   where that fails is traced in f64, others may be in f32. If triangles are many, only those whose bounds have a side
-//!   of [`LONG`] pixels are tested; for shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
+//! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its
+//!   outline, an ellipse with the half-axes a = f sqrt k / m, away from the picture's axis, and
+//!   b = f / sqrt m, where k = c . c - 1 and m = cz^2 - 1 in radii. In its middle D is k / m of
+//!   f^2. Columns and rows are not the ellipse's axes: if a is at the angle p to the columns, the
+//!   term of x^2 at the end of its bounds is D (cos^2 p / a^2 + sin^2 p / b^2) (a^2 cos^2 p + b^2
+//!   sin^2 p), which is at most D (1 + (sin p cos p)^2 k / m), and the others are no larger.
+//!   Divided by d . d that is k / m (1 + (sin p cos p)^2 k / m) times the squared cosine of the
+//!   angle between the picture's axis and the sphere's ray nearest to it: at most [`OUTLINE`].
+//!   Beyond it f64 would lose digits too, and the sphere is found pixel by pixel, like one around
+//!   the camera: see [`is_quadratic`].
+//! - **squares are numbers.** The largest is that of w l, at the nearest point and for the farthest
+//!   light: w l stays below [`MOST`]. A triangle's w over a whole tile, and a sphere's D, stay
+//!   below [`MOST_OVER_A_TILE`].
+//! - **nothing is denormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a
+//!   pixel's step times scale over k radii: that product is at least [`LEAST`].
+//! - **lights keep their directions.** Those moved nearer, to [`FAR`], are still 2^26 times as far
+//!   away as the object: w is at least [`LEAST_INVERSE`].
+//! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle,
+//!   w = t0 + tx x + ty y, with an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`]
+//!   u w at every pixel where it may be. A tile where that fails is traced in f64, others may be in
+//!   f32. If triangles are many, only those whose bounds have a side of [`LONG`] pixels are tested;
+//!   for shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
 //! - **the light of all lights together is a number**, in levels too.
+//! - **lights near it keep their directions.** See [`LightLoss`].
 
 use std::ops::Range;
 
 use glam::DVec3;
 
+use super::bins::WideTiles;
 use super::place::{Picture, TilePlace, range, tile_range};
 use crate::kernels::{Candidate, Extremes, TILE_HEIGHT, TILE_WIDTH};
 use crate::plan::light;
@@ -28,40 +40,149 @@ use crate::reference::geometry;
 use crate::scene::{Grid, Light, Sphere, Triangle};
 
 const OUTLINE: f64 = 4.0;
-const STEEPEST: f64 = 16.0;
+/// See above, and `proofs/inverse-apart.g`.
+pub const STEEPEST: f64 = 16.0;
+/// What w itself, and its greatest changes across and down a tile, contribute to its error, in u.
+pub const INVERSE_ROUNDINGS: [f64; 3] = [3.0, 4.0, 5.0];
 pub(super) const LONG: usize = 32;
 const MOST: f64 = (1u64 << 60) as f64;
 const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
 const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
 const LEAST_INVERSE: f64 = 1.0 / (1u64 << 14) as f64;
 
-/// In the unit of a scene, the least radius of spheres that are certainly narrow: scale / (k radius) is then at most
-/// [`MOST`], for any usual focal distance.
+/// In units of the scene's extent, the least radius of spheres that are certainly narrow: scale /
+/// (k radius) is then at most [`MOST`], for any usual focal distance.
 const LEAST_RADIUS: f64 = 1.0 / (1u64 << 38) as f64;
 
-/// A sphere whose centre is nearer to the camera's plane than this many radii is seen from inside or reaches behind the
-/// plane, or nearly so: PACKET(front).
+/// A sphere whose centre is nearer to the camera's plane than this many radii is seen from inside
+/// or reaches behind the plane, or nearly so: PACKET(front).
 const FRONT: f64 = 1.001;
 
-/// Up to this many radii away, f32 holds the normal of a sphere beside the camera, from its point relative to the camera.
+/// Up to this many radii away, f32 holds the normal of a sphere beside the camera, from its point
+/// relative to the camera.
 const FARTHEST_AROUND: f64 = 64.0;
 
-/// In the unit of a scene, or in radii of a sphere, the greatest distance of lights for which f32 holds its square.
+/// If a light is nearer to a point than this share of the point's distance from the camera, f32 has
+/// no direction to it, and any colour is right there.
+const AT_THE_SURFACE: f64 = 1e-4;
+
+/// Where a light is so many times as bright as white, black at its terminator and white beside it
+/// are both right.
+const DAZZLING: f64 = 1.0 / AT_THE_SURFACE;
+
+/// The greatest [`LightLoss`] in f32: 255 levels times 4 u times this is below one level.
+const MOST_LOSS: f64 = (1u64 << 14) as f64;
+
+/// For light that is at most so bright, f32 loses no more than [`MOST_LOSS`] relative to the
+/// camera, wherever it is.
+const NEVER_LOST: f64 = MOST_LOSS * AT_THE_SURFACE;
+
+/// A sphere whose centre is farther than this many radii, squared, loses less relative to its
+/// centre than to the camera.
+const FARTHEST_FROM_CAMERA: f64 = 5.0;
+
+/// The greatest distance of lights whose square f32 holds: in units of the scene's extent, and in
+/// radii of a sphere.
 pub(super) const FAR: f64 = (1u64 << 40) as f64;
 pub(super) const FAR_IN_RADII: f64 = (1u64 << 36) as f64;
 
-/// Whether all of a sphere is in front of the camera, by [`FRONT`]; others have a kernel of their own.
-pub(super) fn is_in_front(sphere: &Sphere) -> bool {
+/// Whether D of a sphere may be a quadratic over the pixels: all of the sphere is in front of the
+/// camera, by [`FRONT`], and the quadratic keeps its digits, by [`OUTLINE`]. Other spheres, around
+/// the camera or beside it, have a kernel of their own.
+pub(super) fn is_quadratic(sphere: &Sphere) -> bool {
     let c = sphere.centre.as_dvec3() / f64::from(sphere.radius);
-    c.z >= FRONT && c.dot(c) < f64::INFINITY
+    c.z >= FRONT && c.dot(c) < f64::INFINITY && keeps_digits(c)
+}
+
+/// Whether D of a sphere in front of the camera, with its centre at `c` in radii, keeps its digits.
+fn keeps_digits(c: DVec3) -> bool {
+    let power = c.dot(c);
+    let (k, m) = (power - 1.0, c.z * c.z - 1.0);
+    if k <= 2.0 * m {
+        // Nearly every sphere: the left side below is at most 2 m (m + 2 m / 4).
+        return true;
+    }
+    let beside = c.x.hypot(c.y);
+    // The cosine of the angle between the picture's axis and the sphere's ray nearest to it.
+    let inmost = if beside * k.sqrt() <= c.z { 1.0 } else { (c.z * k.sqrt() + beside) / power };
+    // (sin p cos p)^2; on the axis, where the outline is a circle, it has no effect.
+    let slant = if beside > 0.0 { (c.x / beside * (c.y / beside)).powi(2) } else { 0.0 };
+    k * inmost * inmost * (m + slant * k) <= OUTLINE * m * m
+}
+
+/// How much of the light on a sphere is lost where a light is near its surface, in units of 4 u of
+/// white.
+///
+/// A cosine is N . (l - P) / |l - P|. What f32 makes of l and P is off by up to u times their
+/// distance from the origin of their coordinates, twice each, and so is N . (l - P): the cosine is
+/// off by 4 u times that distance over |l - P|. At a visible point |l - P| is at least h, the
+/// light's distance from the surface, and at least [`AT_THE_SURFACE`] times |P| where a colour is
+/// promised, |P| being |l| there. Light that is w times white loses w times as much; what is
+/// [`DAZZLING`] is either white or not promised.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LightLoss {
+    /// In coordinates relative to the sphere's centre, where l and P are a radius away: the form of
+    /// spheres in front.
+    from_centre: f64,
+    /// In coordinates relative to the camera: the form of spheres around the camera.
+    from_camera: f64,
+}
+
+impl LightLoss {
+    /// The loss that lights with these positions and radiances have on a sphere.
+    pub(super) fn of(sphere: &Sphere, lights: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let mut loss = LightLoss::default();
+        for (position, radiance) in lights {
+            let distance = position.length();
+            // The square of the distance from the centre less that of the radius, accurate near the
+            // surface.
+            let power = if distance < radius {
+                position.dot(position - 2.0 * centre) + geometry::power(centre, radius)
+            } else {
+                geometry::power(position - centre, radius)
+            };
+            let height = power.abs() / ((position - centre).length() + radius);
+            let nearest = height.max(AT_THE_SURFACE * distance).max(f64::MIN_POSITIVE);
+            let weights = (radiance * sphere.colour.as_dvec3()).to_array();
+            let weight = weights.into_iter().filter(|weight| *weight <= DAZZLING).fold(0.0, f64::max);
+            loss.from_centre += weight * radius / nearest;
+            loss.from_camera += weight * distance / nearest;
+        }
+        loss
+    }
+
+    /// Whether f32 can shade the sphere in neither form.
+    fn is_beyond_f32(self) -> bool {
+        self.from_centre.min(self.from_camera) > MOST_LOSS
+    }
+
+    /// Whether f32 can shade it in coordinates relative to the camera alone.
+    fn needs_camera(self) -> bool {
+        self.from_centre > MOST_LOSS && self.from_camera < self.from_centre
+    }
+}
+
+/// Whether f32 has to shade a sphere in coordinates relative to the camera: one that is not in
+/// front, or one so near that the camera and a light are much nearer to its surface than its centre
+/// is.
+pub(super) fn is_shaded_from_camera(sphere: &Sphere, lights: impl Iterator<Item = (DVec3, DVec3)>) -> bool {
+    if !is_quadratic(sphere) {
+        return true;
+    }
+    let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+    // If the loss relative to the centre is the greater, the light is within a radius of the
+    // camera. If it exceeds MOST_LOSS where the other one does not, the light is also within a
+    // small share of a radius of the surface.
+    centre.dot(centre) < FARTHEST_FROM_CAMERA * radius * radius && LightLoss::of(sphere, lights).needs_camera()
 }
 
 /// The number format of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
-    /// Kernels in f32, or f64 if those are asked for.
+    /// Kernels in f32 can trace it. With the precision `double` it is traced in f64 all the same.
     Narrow,
-    /// Kernels in f64.
+    /// Only kernels in f64 can trace it.
     Wide,
 }
 
@@ -69,21 +190,24 @@ pub(super) enum Form {
 pub(super) struct Forms {
     grid: Grid<f64>,
     scale: f64,
-    /// The lights that are not dark.
-    lights: Vec<DVec3>,
-    /// The distance of the farthest of them as the kernels take it, in the unit of the scale.
+    /// The positions and radiances of the lights that are not dark.
+    lights: Vec<(DVec3, DVec3)>,
+    /// The distance of the farthest light, as the kernels take it, divided by the scale.
     farthest: f64,
-    /// The radiance of all of them together.
+    /// The radiance of all lights together, and the greatest component of the radiance of one.
     radiance: DVec3,
+    strongest: f64,
 }
 
 impl Forms {
-    /// For lights that are not dark; for triangles they are no further away than `far`.
+    /// What forms depend on, for lights that are not dark. Kernels of triangles take them to be no
+    /// further away than `far`.
     pub(super) fn new(grid: Grid<f64>, scale: f64, lights: &[&Light], far: f64) -> Self {
-        let radiance = lights.iter().map(|light| light.radiance()).sum();
-        let lights: Vec<_> = lights.iter().map(|light| light.position.as_dvec3()).collect();
-        let farthest = lights.iter().map(|light| light.length()).fold(0.0, f64::max).min(far) / scale;
-        Forms { grid, scale, lights, farthest, radiance }
+        let lights: Vec<_> = lights.iter().map(|light| (light.position.as_dvec3(), light.radiance())).collect();
+        let radiance: DVec3 = lights.iter().map(|(_, radiance)| *radiance).sum();
+        let strongest = lights.iter().map(|(_, radiance)| radiance.max_element()).fold(0.0, f64::max);
+        let farthest = lights.iter().map(|(position, _)| position.length()).fold(0.0, f64::max).min(far) / scale;
+        Forms { grid, scale, lights, farthest, radiance, strongest }
     }
 
     /// The extent of the scene that `scale` stands for.
@@ -91,7 +215,7 @@ impl Forms {
         self.scale * self.grid.focal
     }
 
-    /// The conditions shared by objects of both kinds, for some with these extremes.
+    /// Whether objects with these extremes meet the conditions that both kinds share.
     fn are_usual(&self, extremes: &Extremes) -> bool {
         let Extremes { most, brightest, .. } = *extremes;
         f64::from(most) * LEAST_INVERSE <= self.extent()
@@ -101,13 +225,15 @@ impl Forms {
             && (1.0 / 1024.0..=(1 << 20) as f64).contains(&self.grid.focal)
     }
 
-    /// For spheres with these extremes: an upper bound of 1/t up to this proves one narrow. Below 0 if each has to be
-    /// tested.
+    /// For spheres with these extremes: one whose upper bound of 1/t is not above the result is
+    /// certainly narrow. Below 0 if each has to be tested.
     pub(super) fn surely_narrow_spheres(&self, extremes: &Extremes) -> f32 {
         let (most, least) = (f64::from(extremes.most) / self.extent(), f64::from(extremes.least) / self.extent());
-        // k is at least 2^-9, so that k radii are no less than this over 2^9, and at most 3 most^2 / least.
+        // k is at least 2^-9, so that k radii are no less than this over 2^9, and at most 3
+        // most^2 / least.
         let fine = least >= LEAST_RADIUS && most * most < least * (1u64 << 26) as f64;
-        if fine && self.are_usual(extremes) { (MOST / FAR_IN_RADII) as f32 } else { -1.0 }
+        let keeps_light = f64::from(extremes.brightest) * self.strongest <= NEVER_LOST;
+        if fine && keeps_light && self.are_usual(extremes) { (MOST / FAR_IN_RADII) as f32 } else { -1.0 }
     }
 
     /// The same for triangles.
@@ -120,35 +246,44 @@ impl Forms {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
         let power = c.dot(c);
-        if !is_in_front(sphere) {
-            // Its walls, the nearer one no nearer than rounding can tell.
+        let is_too_bright = || {
+            let brightest = f64::from(sphere.colour.max_element()) * self.strongest;
+            brightest > NEVER_LOST && LightLoss::of(sphere, self.lights.iter().copied()).is_beyond_f32()
+        };
+        if !is_quadratic(sphere) {
+            candidate.most = Candidate::ANY;
+            // The distances of its near and its far wall from the camera, in radii. The near one is
+            // at least what rounding can tell from 0.
             let [near, far] = [(power.sqrt() - 1.0).abs().max(f64::EPSILON), power.sqrt() + 1.0];
-            let most = self.extent() / (radius * near);
+            // 1/t is |d| over the distance of the point, and in a wide film the longest d is much
+            // longer than the focal distance.
+            let Grid { half_width, half_height, .. } = self.grid;
+            let longest = self.scale * DVec3::new(half_width, half_height, focal).length();
+            let most = longest / (radius * near);
             let narrow = most.max(1.0) * self.farthest.max(1.0) <= MOST
                 && self.extent() >= LEAST_INVERSE * radius * far
-                && radius * MOST >= self.extent()
+                && radius * MOST >= longest
                 && far <= FARTHEST_AROUND
-                && light::is_in_f32(sphere.colour.as_dvec3() * self.radiance);
+                && light::is_in_f32(sphere.colour.as_dvec3() * self.radiance)
+                && !is_too_bright();
             return if narrow { Form::Narrow } else { Form::Wide };
         }
         let near = near_of_sphere(self.scale * focal) / (centre.z - radius);
         candidate.most = bounded(near);
-        let (k, m) = (power - 1.0, c.z * c.z - 1.0);
-        let (along, beside) = (c.z, c.x.hypot(c.y));
-        let inmost = if beside * k.sqrt() <= along { 1.0 } else { (along * k.sqrt() + beside) / power };
-        let over = self.scale / (k * radius);
-        let lights = self.lights.iter().map(|light| (light - centre).length() / radius);
+        let over = self.scale / ((power - 1.0) * radius);
+        let lights = self.lights.iter().map(|(position, _)| (position - centre).length() / radius);
         let far = lights.fold(1.0, f64::max).min(FAR_IN_RADII);
-        let narrow = k * inmost * inmost <= OUTLINE * m
-            && near * far <= MOST
+        let narrow = near * far <= MOST
             && self.scale / radius <= MOST
             && over <= MOST
             && over * step >= LEAST
-            && light::is_in_f32(sphere.colour.as_dvec3() * self.radiance);
+            && light::is_in_f32(sphere.colour.as_dvec3() * self.radiance)
+            && !is_too_bright();
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
-    /// The form of a triangle, with the same correction: kernels in f64 would cut the 1/t of a wide one to what f32 has.
+    /// The form of a triangle. Its upper bound of 1/t is corrected too: kernels in f64 would
+    /// otherwise cut the 1/t of a wide one to what f32 holds.
     pub(super) fn of_triangle(&self, triangle: &Triangle, candidate: &mut Candidate) -> Form {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let [a, b, c] = corners.map(|v| v.z);
@@ -169,11 +304,10 @@ impl Forms {
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
-    /// Adds the tiles where f32 does not hold the w of a triangle with these bounds, each with its possible pixels
-    /// there.
-    pub(super) fn steep_tiles(&self, triangle: &Triangle, candidate: &Candidate, tiles: &mut Vec<Candidate>) {
+    /// Adds the tiles in which f32 loses the w of a triangle with these bounds.
+    pub(super) fn steep_tiles(&self, triangle: &Triangle, candidate: &Candidate, tiles: &mut WideTiles) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
-        // At its farthest corner, in the unit in which w is n . d / (v . n).
+        // The w of its farthest corner, in the unit in which w is n . d / (v . n).
         let farthest = self.grid.focal / greatest(corners.map(|v| v.z)).max(0.0);
         if self.surely_nowhere_steep(corners, farthest) {
             return;
@@ -181,31 +315,37 @@ impl Forms {
         let Some(volume) = geometry::triangle_volume(corners) else { return };
         let n = geometry::triangle_plane(corners) / volume;
         let [tx, ty] = [n.x * self.grid.step, -n.y * self.grid.step];
-        // The pixels in a tile, and the distances of the first and the last from its middle.
+        // Of the part of a range of pixels in a tile, the distances of its first and its last pixel
+        // from the tile's middle.
         let part = |pixels: &Range<u32>, first: u32, side: usize| {
             let (start, end) = (pixels.start.max(first), pixels.end.min(first + side as u32));
             let middle = f64::from(first) + side as f64 / 2.0;
-            (start | end << 16, [f64::from(start) - middle, f64::from(end) - 1.0 - middle])
+            [f64::from(start) - middle, f64::from(end) - 1.0 - middle]
         };
         let (of_columns, of_rows) = (range(candidate.columns), range(candidate.rows));
         for down in tile_range(of_rows.clone(), TILE_HEIGHT) {
             for across in tile_range(of_columns.clone(), TILE_WIDTH) {
-                let (column, row) = TilePlace { across, down }.first();
-                let (columns, [left, right]) = part(&of_columns, column, TILE_WIDTH);
-                let (rows, [top, bottom]) = part(&of_rows, row, TILE_HEIGHT);
+                let tile = TilePlace { across, down };
+                if tiles.has(tile) {
+                    continue;
+                }
+                let (column, row) = tile.first();
+                let [left, right] = part(&of_columns, column, TILE_WIDTH);
+                let [top, bottom] = part(&of_rows, row, TILE_HEIGHT);
                 let middle = DVec3::from(self.grid.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2));
                 let least = n.dot(middle) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
                 let [x, y] = [left.abs().max(right.abs()), top.abs().max(bottom.abs())];
-                let is_exact = steepness(tx, ty, x, y) <= (STEEPEST - 3.0) * least.max(farthest);
-                // A NaN is not accurate.
+                let is_exact = steepness(tx, ty, x, y) <= (STEEPEST - INVERSE_ROUNDINGS[0]) * least.max(farthest);
+                // False for a NaN too.
                 if !is_exact {
-                    tiles.push(Candidate { columns, rows, ..*candidate });
+                    tiles.add(tile);
                 }
             }
         }
     }
 
-    /// Whether a triangle is steep in no tile, whatever the rounding of its plane; nearly all are so.
+    /// Whether a triangle is steep in no tile, whatever the rounding of its plane; nearly all are
+    /// so.
     fn surely_nowhere_steep(&self, [v, v2, v3]: [DVec3; 3], farthest: f64) -> bool {
         let (a, b) = (v2 - v, v3 - v);
         let n = a.cross(b);
@@ -213,25 +353,29 @@ impl Forms {
         let most = self.grid.step * (n.abs() + rounding);
         let volume = v.dot(n).abs() - 4.0 * rounding * size(v);
         let (x, y) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
-        steepness(most.x, most.y, x, y) <= (STEEPEST - 3.0) * farthest * volume
+        steepness(most.x, most.y, x, y) <= (STEEPEST - INVERSE_ROUNDINGS[0]) * farthest * volume
     }
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane: at the first pixel, and its
-/// increments for a column and a row. None if f32 does not hold them, kernels have another plane, or no ray hits it.
+/// increments for a column and a row. None if f32 does not hold them, kernels have another plane,
+/// or no ray hits it.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
-    let (p, lost) = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
+    let geometry::PlaneOfOne { p, lost } = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
     let n = scale * p;
     let (first, ray) = (n.dot(grid.ray(0, 0).into()), DVec3::from(grid.ray(0, 0)).abs());
     let (across, down) = (n.x * grid.step, -n.y * grid.step);
     let terms = n.abs().dot(ray) + across.abs() * f64::from(picture.width) + down.abs() * f64::from(picture.height);
-    // All roundings, here and there, are some parts in 2^24 of these terms, unless what they make in f32 is denormal.
+    // Half of the margin, 2^-18 of the terms, is for the kernel's plane, see `is_kernels`. The
+    // other half is for roundings in f32, here and in the kernel: some 2^-24 of the terms, unless
+    // results are denormal.
     let most = [first + terms / f64::from(1 << 17), across, down].map(|x| x as f32);
     let is_kernels = scale * lost * ray.element_sum() <= terms / f64::from(1 << 18);
     ((1e-30..f32::MAX.into()).contains(&terms) && is_kernels).then_some(most)
 }
 
-/// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may not cover all of them.
+/// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may
+/// not cover all of them.
 pub(super) fn least_over(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture, tile: TilePlace) -> f32 {
     let (column, row) = tile.first();
     let corners = [[0, 0], [TILE_WIDTH, 0], [0, TILE_HEIGHT], [TILE_WIDTH, TILE_HEIGHT]];
@@ -262,12 +406,14 @@ fn greatest([a, b, c]: [f64; 3]) -> f64 {
     if of_two > c { of_two } else { c }
 }
 
-/// The error of w = t0 + tx x + ty y beyond 3 w, in units of u.
+/// A bound of the error of w = t0 + tx x + ty y beyond 3 u w, in units of u.
 fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
-    4.0 * tx.abs() * x + 5.0 * ty.abs() * y
+    let [_, across, down] = INVERSE_ROUNDINGS;
+    across * tx.abs() * x + down * ty.abs() * y
 }
 
-/// The upper bound of 1/t, as an f32 above 0 other than [`Candidate::ANY`]: infinity if it is beyond f32.
+/// The upper bound of 1/t, as an f32 above 0 other than [`Candidate::ANY`]: infinity if it is
+/// beyond f32.
 fn bounded(near: f64) -> f32 {
     if near < Candidate::ANY.into() {
         (near as f32).clamp(f32::MIN_POSITIVE, Candidate::ANY.next_down())
@@ -276,8 +422,9 @@ fn bounded(near: f64) -> f32 {
     }
 }
 
-/// The upper bound of a sphere's 1/t times the distance of its nearest point from the camera's plane, in a scene of
-/// that extent. D cancels at the outline, where that matters least; near that point it loses a few roundings.
+/// The upper bound of a sphere's 1/t, times the distance of the sphere's nearest point from the
+/// camera's plane; `extent` is that of the scene. The margin is for the rounding of D, which
+/// cancels at the outline, where 1/t is least, and loses a few roundings near the nearest point.
 pub(super) fn near_of_sphere(extent: f64) -> f64 {
     extent * (1.0 + 1.0 / 1024.0)
 }
@@ -304,7 +451,7 @@ mod tests {
             let (focal, film) = (power(&mut rng, -12, 8) as f32, power(&mut rng, -6, 6) as f32);
             let width = 1 + (rng.next_u64() % 65_535) as u32;
             let camera = Camera::new(width, 1 + width / 2, focal, film).unwrap();
-            let (grid, _) = unit_rays(camera.grid());
+            let grid = unit_rays(camera.grid()).grid;
             let extent = power(&mut rng, -20, 20);
             let light = Light {
                 intensity: 1.0,

@@ -12,6 +12,11 @@ pub(super) struct Picture {
 }
 
 impl Picture {
+    /// The number of tiles across and down.
+    pub(super) fn tiles(self) -> [u32; 2] {
+        [self.width.div_ceil(TILE_WIDTH as u32), self.height.div_ceil(TILE_HEIGHT as u32)]
+    }
+
     /// The bounds of an object that may be anywhere.
     pub(super) fn whole(self) -> [u32; 2] {
         [self.width << 16, self.height << 16]
@@ -27,13 +32,13 @@ pub struct TilePlace {
 }
 
 impl TilePlace {
-    /// Its first column and row.
+    /// The column and the row of its first pixel.
     pub fn first(self) -> (u32, u32) {
         (self.across * TILE_WIDTH as u32, self.down * TILE_HEIGHT as u32)
     }
 }
 
-/// From pixels to tiles; `pixels` is not empty.
+/// The tiles that a range of pixels meets; `pixels` is not empty.
 pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
     pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
 }
@@ -43,7 +48,8 @@ pub fn covered(columns: u32, rows: u32) -> u64 {
     range(columns).len() as u64 * range(rows).len() as u64
 }
 
-/// The pair in 32 bits as a range.
+/// The range that bounds hold in 32 bits: the first in the lower half, and one past the last in the
+/// upper.
 pub(super) fn range(bounds: u32) -> Range<u32> {
     (bounds & 0xffff)..(bounds >> 16)
 }

@@ -1,27 +1,29 @@
-//! One encoder per format: rows of a picture in, bytes out, part by part; and a writer that joins the parts to a file.
+//! One encoder per format: rows of a picture in, bytes out, part by part.
 
 use super::parts::{Encode, Join};
 use super::png::{PngJoin, PngParts};
-use super::threaded::{ExrParts, Threaded, TiffParts};
+use super::threaded::{ExrParts, Threaded};
 use super::{Extent, Format};
 use crate::kernels::memory::try_reserve;
 use crate::render::output::Sink;
-use image::Rgb;
 use image::codecs::hdr::HdrEncoder;
+use image::{ExtendedColorType, ImageEncoder, ImageError};
 use std::borrow::Cow;
 use std::io::{self, Seek, SeekFrom, Write};
+use tiff::TiffError;
+use tiff::encoder::colortype::RGB8;
+use tiff::encoder::{Compression, DeflateLevel, Predictor, TiffEncoder};
 
 /// The encoder of the parts of a picture in `format`.
 pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
     let width = extent.width as usize;
     match format {
         Format::Png => Box::new(PngParts::new(extent)),
-        Format::Ppm | Format::Qoi => Box::new(Bytes),
+        Format::Ppm | Format::Tiff | Format::Qoi => Box::new(Bytes),
         Format::PpmText => Box::new(PpmText { width }),
         Format::Pfm => Box::new(Pfm { width }),
         Format::Exr => Box::new(ExrParts::new(extent)),
-        Format::Hdr => Box::new(Hdr { width }),
-        Format::Tiff => Box::new(TiffParts::new(extent)),
+        Format::Hdr => Box::new(Hdr),
     }
 }
 
@@ -40,12 +42,9 @@ pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Res
         }
         Format::Pfm => Box::new(BottomUp::new(sink, width, height)?),
         Format::Exr => Box::new(Threaded::exr(sink, extent)),
-        Format::Hdr => {
-            write!(sink, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n")?;
-            Box::new(InOrder { sink })
+        Format::Hdr | Format::Tiff | Format::Qoi => {
+            Box::new(Whole { format, sink, size: (width, height), pixels: Vec::new() })
         }
-        Format::Tiff => Box::new(Threaded::tiff(sink, extent)),
-        Format::Qoi => Box::new(Qoi { sink, size: (width, height), pixels: Vec::new() }),
     })
 }
 
@@ -54,12 +53,12 @@ pub(super) const MAX_WHOLE: u64 = 1 << 30;
 
 /// Whether an image of `format` is held in memory.
 pub(super) fn is_whole(format: Format) -> bool {
-    format == Format::Qoi
+    matches!(format, Format::Hdr | Format::Tiff | Format::Qoi)
 }
 
-/// How many bytes of it are held.
-pub(super) fn whole_bytes(width: u32, height: u32) -> u64 {
-    3 * u64::from(width) * u64::from(height)
+/// The bytes of pixels that are held for such an image.
+pub(super) fn whole_bytes(format: Format, (width, height): (u32, u32)) -> u64 {
+    format.pixels().bytes() as u64 * u64::from(width) * u64::from(height)
 }
 
 /// Whether `format` is written out of order.
@@ -70,7 +69,7 @@ pub(super) fn needs_seeking(format: Format) -> bool {
     }
 }
 
-/// Writes the parts one after the other.
+/// Writes the parts to the file one after the other.
 struct InOrder {
     sink: Sink,
 }
@@ -81,7 +80,7 @@ impl Join for InOrder {
     }
 }
 
-/// Pixels as they are.
+/// Encodes pixels by their bytes in memory.
 struct Bytes;
 
 impl Encode for Bytes {
@@ -122,7 +121,7 @@ impl Encode for PpmText {
     }
 }
 
-/// PFM keeps its rows bottom to top.
+/// Encodes PFM, whose rows go from the bottom to the top.
 struct Pfm {
     width: usize,
 }
@@ -137,7 +136,7 @@ impl Encode for Pfm {
     }
 }
 
-/// Each part is written before the one above it in the picture.
+/// Writes each part to the place in the file before that of the part above it in the picture.
 struct BottomUp {
     sink: Sink,
     /// The place in the file where the next part from the top ends.
@@ -162,21 +161,18 @@ impl Join for BottomUp {
     }
 }
 
-/// Radiance's format, which the image crate encodes whole or, as here, a picture of one row at a time.
-struct Hdr {
-    width: usize,
-}
+/// Encodes the pixels of Radiance's format, as floats that its encoder has not to round.
+struct Hdr;
 
 impl Hdr {
-    /// Ends the header before each row, that of a picture of one row.
-    const HEADER_END: &[u8] = b"\n\n-Y 1 +X ";
-    /// Below this a pixel is black: the exponent has 8 bits.
+    /// Smaller pixels are black, since the exponent has 8 bits.
     const SMALLEST: f32 = f32::MIN_POSITIVE;
     /// The largest number of the format: 255/256 of 2^127.
     const LARGEST: f32 = 255.0 * (1_u128 << 119) as f32;
 
-    /// The numbers of 8 bits times a power of two that are nearest to a pixel's. The encoder truncates the rest, and
-    /// its logarithm rounds a number next to a power of two to that.
+    /// Rounds a pixel's channels to numbers of 8 bits with a common exponent, so that the encoder
+    /// has nothing left to round: it truncates, and its logarithm takes numbers just below a power
+    /// of two for that power.
     fn rounded(pixel: [f32; 3]) -> [f32; 3] {
         let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
         let most = |of: [f32; 3]| of.into_iter().fold(0.0, f32::max);
@@ -187,49 +183,80 @@ impl Hdr {
             let unit = f32::from_bits(most.to_bits() & f32::INFINITY.to_bits()) / 128.0;
             channels.map(|value| (value / unit).round() * unit)
         };
-        // The greatest may have become a power of two.
+        // Rounding may have made the greatest channel a power of two, and so changed the exponent.
         in_units_of(most(in_units_of(most(channels))))
     }
 }
 
 impl Encode for Hdr {
     fn f32x3<'a>(&self, rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
-        let (mut row, mut encoded, mut part) = (Vec::new(), Vec::new(), Vec::new());
-        for pixels in rows.chunks_exact(self.width) {
-            row.clear();
-            row.extend(pixels.iter().map(|pixel| Rgb(Self::rounded(*pixel))));
-            encoded.clear();
-            HdrEncoder::new(&mut encoded).encode(&row, self.width, 1).map_err(io::Error::other)?;
-            let header = encoded.windows(Self::HEADER_END.len()).position(|window| window == Self::HEADER_END);
-            let line = header.map(|at| &encoded[at + Self::HEADER_END.len()..]).unwrap_or_default();
-            let digits = line.iter().take_while(|byte| byte.is_ascii_digit()).count();
-            let scan_line = line.get(digits + 1..).ok_or_else(|| io::Error::other("the encoder wrote no row"))?;
-            part.extend_from_slice(scan_line);
+        let mut bytes = Vec::with_capacity(size_of_val(rows));
+        for pixel in rows {
+            bytes.extend(Self::rounded(*pixel).iter().flat_map(|value| value.to_ne_bytes()));
         }
-        Ok(part.into())
+        Ok(bytes.into())
     }
 }
 
-/// QOI: its encoder takes all pixels at once.
-struct Qoi {
+/// Keeps the pixels of a picture until all are there, for the formats whose libraries take it
+/// whole.
+struct Whole {
+    format: Format,
     sink: Sink,
     size: (u32, u32),
+    /// Three levels for each pixel or, in HDR, three floats.
     pixels: Vec<u8>,
 }
 
-impl Join for Qoi {
+impl Join for Whole {
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
         if self.pixels.is_empty() {
-            try_reserve(&mut self.pixels, whole_bytes(self.size.0, self.size.1) as usize)?;
+            try_reserve(&mut self.pixels, whole_bytes(self.format, self.size) as usize)?;
         }
         self.pixels.extend_from_slice(&part);
         Ok(())
     }
 
-    fn finish(mut self: Box<Self>) -> io::Result<()> {
-        let (width, height) = self.size;
-        let encoder = qoi::Encoder::new(&self.pixels, width, height).map_err(io::Error::other)?;
-        encoder.with_colorspace(qoi::ColorSpace::Linear).encode_to_stream(&mut self.sink).map_err(io::Error::other)?;
-        Ok(())
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        let Whole { format, mut sink, size: (width, height), pixels } = *self;
+        match format {
+            Format::Hdr => {
+                let encoder = HdrEncoder::new(sink);
+                encoder.write_image(&pixels, width, height, ExtendedColorType::Rgb32F).map_err(image_error)
+            }
+            Format::Tiff => write_tiff(sink, (width, height), &pixels),
+            _ => {
+                // Not by way of the crate image, which would call linear values sRGB.
+                let encoder = qoi::Encoder::new(&pixels, width, height).map_err(io::Error::other)?;
+                let encoder = encoder.with_colorspace(qoi::ColorSpace::Linear);
+                encoder.encode_to_stream(&mut sink).map(drop).map_err(qoi_error)
+            }
+        }
+    }
+}
+
+/// Writes a TIFF by its library itself, since the crate image does not compress it.
+fn write_tiff(sink: Sink, (width, height): (u32, u32), pixels: &[u8]) -> io::Result<()> {
+    let compressed = |encoder: TiffEncoder<Sink>| {
+        let encoder = encoder.with_compression(Compression::Deflate(DeflateLevel::Fast));
+        encoder.with_predictor(Predictor::Horizontal).write_image::<RGB8>(width, height, pixels)
+    };
+    TiffEncoder::new(sink).and_then(compressed).map_err(|error| match error {
+        TiffError::IoError(error) => error,
+        error => io::Error::other(error),
+    })
+}
+
+fn image_error(error: ImageError) -> io::Error {
+    match error {
+        ImageError::IoError(error) => error,
+        error => io::Error::other(error),
+    }
+}
+
+fn qoi_error(error: qoi::Error) -> io::Error {
+    match error {
+        qoi::Error::IoError(error) => error,
+        error => io::Error::other(error),
     }
 }

@@ -1,4 +1,4 @@
-//! OpenEXR by its library, block by block: no block is read that is larger than the whole file can mean.
+//! Reads OpenEXR with its library, block by block, after checking the header.
 
 use super::DEFLATE_EXPANSION;
 use exr::block::UncompressedBlock;
@@ -11,7 +11,8 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::collections::HashSet;
 use std::io::{BufRead, Seek};
 
-/// Decodes the largest level of the first part that has R, G and B, and A if present, as its display window shows it.
+/// Decodes the largest level of the first part that has R, G and B, or Y alone, and A if present,
+/// as its display window shows it.
 pub(super) struct ExrDecoder<R> {
     reader: Reader<R>,
     /// The index of that part.
@@ -25,7 +26,7 @@ impl<R: BufRead + Seek> ExrDecoder<R> {
     pub(super) fn new(reader: R, length: u64) -> ImageResult<Self> {
         let reader = exr::block::read(reader, false).map_err(explained)?;
         let part = reader.headers().iter().position(|part| shown(part).is_some());
-        let part = part.ok_or_else(|| damaged("it has no channels R, G and B of single values"))?;
+        let part = part.ok_or_else(|| unsupported(&channels(reader.headers())))?;
         let header = &reader.headers()[part];
         let most = length.saturating_mul(expansion(header.compression)?);
         let (Vec2(width, height), size) = (header.max_block_pixel_size(), header.layer_size);
@@ -39,6 +40,12 @@ impl<R: BufRead + Seek> ExrDecoder<R> {
 
     fn header(&self) -> &Header {
         &self.reader.headers()[self.part]
+    }
+
+    /// Width and height of the data window, which is what the file holds.
+    pub(super) fn stored(&self) -> (u32, u32) {
+        let Vec2(width, height) = self.header().layer_size;
+        (width as u32, height as u32)
     }
 
     /// The most pixels that a file of this length and compression can hold.
@@ -82,10 +89,24 @@ impl<R: BufRead + Seek> ImageDecoder for ExrDecoder<R> {
     }
 }
 
-/// The channels that are red, green, blue and, if present, alpha.
+/// The channels that are red, green, blue and, if present, alpha. Grey is all three colours, unless
+/// it is the luminance of colours whose chroma is in other channels.
 fn shown(header: &Header) -> Option<[Option<usize>; 4]> {
-    let channels = ["R", "G", "B", "A"].map(|name| header.channels.find_index_of_channel(&Text::from(name)));
-    (!header.deep && channels[..3].iter().all(Option::is_some)).then_some(channels)
+    let find = |name| header.channels.find_index_of_channel(&Text::from(name));
+    let colours = ["R", "G", "B"].map(find);
+    let grey = find("Y").filter(|_| find("RY").is_none() && find("BY").is_none());
+    let [red, green, blue] = if colours.iter().all(Option::is_some) { colours } else { [grey; 3] };
+    (!header.deep && red.is_some()).then_some([red, green, blue, find("A")])
+}
+
+/// The reason why no part of the file can be shown, which names its channels.
+fn channels(parts: &[Header]) -> String {
+    if parts.iter().all(|part| part.deep) {
+        return "its data are deep".into();
+    }
+    let names = parts.iter().flat_map(|part| &part.channels.list).map(|channel| channel.name.to_string());
+    let names: Vec<_> = names.collect();
+    format!("it has the channels {}, and what is shown here is R, G and B, or Y without RY and BY", names.join(", "))
 }
 
 /// Copies a block of pixels from its place in the data window to the display window.
@@ -96,24 +117,25 @@ fn show(header: &Header, block: &UncompressedBlock, out: &mut [u8]) {
     let Vec2(left, top) = header.own_attributes.layer_position - window.position;
     let Vec2(width, height) = window.size;
     for line in block.lines(&header.channels) {
-        let Some(to) = channels.iter().position(|channel| *channel == Some(line.location.channel)) else { continue };
         let samples = header.channels.list[line.location.channel].sample_type;
         let Vec2(x, y) = line.location.position;
         let row = y as i64 + i64::from(top);
         if !(0..height as i64).contains(&row) {
             continue;
         }
-        for (column, sample) in (x as i64 + i64::from(left)..).zip(line.value.chunks_exact(samples.bytes_per_sample()))
-        {
+        let targets = (0..4).filter(|target| channels[*target] == Some(line.location.channel));
+        let columns = x as i64 + i64::from(left)..;
+        for (column, sample) in columns.zip(line.value.chunks_exact(samples.bytes_per_sample())) {
             if (0..width as i64).contains(&column) {
                 let pixel = row as usize * width + column as usize;
-                out[4 * (pixel * count + to)..][..4].copy_from_slice(&value(samples, sample).to_ne_bytes());
+                let bytes = value(samples, sample).to_ne_bytes();
+                targets.clone().for_each(|to| out[4 * (pixel * count + to)..][..4].copy_from_slice(&bytes));
             }
         }
     }
 }
 
-/// A sample in the byte order of this machine.
+/// Reads a sample in the byte order of this machine.
 fn value(samples: SampleType, bytes: &[u8]) -> f32 {
     match (samples, bytes) {
         (SampleType::F16, &[a, b]) => f16::from_ne_bytes([a, b]).to_f32(),
@@ -127,12 +149,13 @@ fn value(samples: SampleType, bytes: &[u8]) -> f32 {
 fn expansion(compression: Compression) -> ImageResult<u64> {
     Ok(match compression {
         Compression::Uncompressed => 1,
-        // Two bytes repeat one up to 128 times.
+        // Two bytes can repeat one byte up to 128 times.
         Compression::RLE => 64,
         Compression::ZIP1 | Compression::ZIP16 => DEFLATE_EXPANSION,
-        // Nine bits repeat two bytes up to 255 times; the wavelets leave that many zeros of a smooth picture.
+        // Nine bits can repeat two bytes up to 255 times; for a smooth picture the wavelet
+        // transform leaves so many zeros.
         Compression::PIZ => 512,
-        // Deflate gets three of four bytes.
+        // Only three of four bytes are stored by deflate.
         Compression::PXR24 => DEFLATE_EXPANSION * 4 / 3,
         Compression::B44 | Compression::B44A => return Err(unsupported("compression by B44")),
         Compression::DWAA(_) | Compression::DWAB(_) => return Err(unsupported("compression by DWA")),

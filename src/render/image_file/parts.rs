@@ -1,27 +1,30 @@
-//! Parts of a picture, which are encoded by themselves, and what joins them to a file.
+//! The interfaces of encoders of parts of a picture, and of joiners, which write the file.
 
 use std::borrow::Cow;
 use std::io;
 
-/// Encodes parts of a picture, which are whole rows, independently: in any order, and from any thread or process.
+/// Encodes parts of a picture, which are whole rows, independently: in any order, and from any
+/// thread or process.
 pub(super) trait Encode: Send + Sync {
-    /// The number of rows in a part but the last; None if the file does not depend on where parts are cut.
+    /// The number of rows in a part but the last; None if the file does not depend on where parts
+    /// are cut.
     fn part_rows(&self) -> Option<u32> {
         None
     }
 
-    /// Rows of R, G, B; called for 8-bit formats.
+    /// Encodes rows of R, G, B; called for 8-bit formats.
     fn rgb8<'a>(&self, _rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         unreachable!("not an 8-bit format")
     }
 
-    /// Rows of R, G, B; called for float formats.
+    /// Encodes rows of R, G, B; called for float formats.
     fn f32x3<'a>(&self, _rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
         unreachable!("not a float format")
     }
 }
 
-/// Makes a file of the parts, from the top and never too many.
+/// Joins the parts to a file. It gets them in order from the top, and never more than the picture
+/// has.
 pub(super) trait Join: Send {
     /// Writes the next part.
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()>;

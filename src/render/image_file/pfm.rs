@@ -1,11 +1,12 @@
-//! PFM: floats as they are, the rows from the bottom.
+//! Reads PFM: rows of floats, from the bottom to the top.
 
-use image::error::{DecodingError, ImageFormatHint};
+use image::error::{DecodingError, ImageFormatHint, UnsupportedError, UnsupportedErrorKind};
 use image::{ColorType, ImageDecoder, ImageError, ImageResult};
 use std::io::{self, BufRead, Read};
 
-/// Decodes `PF` (colour) or `Pf` (grey), width, height, a scale whose sign gives the byte order (negative is little
-/// endian), one white space, and then the rows from the bottom.
+/// Decodes `PF` (colour) or `Pf` (grey), width, height, a scale whose sign gives the byte order
+/// (negative is little endian), one white space, and then the rows from the bottom. If `PF` ends in
+/// CR LF, these are one white space behind the scale too.
 pub(super) struct PfmDecoder<R> {
     reader: R,
     width: u32,
@@ -16,15 +17,25 @@ pub(super) struct PfmDecoder<R> {
 
 impl<R: BufRead> PfmDecoder<R> {
     pub(super) fn new(mut reader: R) -> ImageResult<Self> {
-        let channels = if token(&mut reader)? == "PF" { 3 } else { 1 };
+        let (magic, white) = token(&mut reader)?;
+        let channels = match magic.as_str() {
+            "PF" => 3,
+            "Pf" => 1,
+            "PF4" => return Err(other_kind("it has a fourth channel (PF4)")),
+            other => return Err(damaged(format!("it begins with \"{}\"", other.escape_default()))),
+        };
+        let has_cr_lf = white == b'\r' && reader.fill_buf()?.first() == Some(&b'\n');
         let mut side = |name| {
-            let text = token(&mut reader)?;
+            let (text, _) = token(&mut reader)?;
             text.parse::<u32>().map_err(|_| damaged(format!("its {name} is \"{}\"", text.escape_default())))
         };
         let (width, height) = (side("width")?, side("height")?);
-        let text = token(&mut reader)?;
+        let (text, white) = token(&mut reader)?;
         let scale = text.parse::<f32>().ok().filter(|scale| scale.is_finite() && *scale != 0.0);
         let scale = scale.ok_or_else(|| damaged(format!("its scale is \"{}\"", text.escape_default())))?;
+        if has_cr_lf && white == b'\r' && reader.fill_buf()?.first() == Some(&b'\n') {
+            reader.consume(1);
+        }
         let value = if scale < 0.0 { f32::from_le_bytes } else { f32::from_be_bytes };
         Ok(PfmDecoder { reader, width, height, channels, value })
     }
@@ -49,7 +60,7 @@ impl<R: BufRead> ImageDecoder for PfmDecoder<R> {
             self.reader.read_exact(&mut row)?;
             let pixels = pixels.as_chunks_mut::<4>().0.chunks_exact_mut(3);
             for (pixel, bytes) in pixels.zip(row.chunks_exact(self.bytes_per_pixel())) {
-                // Grey has one value, which cycles through the channels.
+                // The single value of a grey pixel is repeated for all channels.
                 for (channel, &bytes) in pixel.iter_mut().zip(bytes.as_chunks().0.iter().cycle()) {
                     *channel = (self.value)(bytes).to_ne_bytes();
                 }
@@ -67,9 +78,14 @@ fn damaged(what: String) -> ImageError {
     ImageError::Decoding(DecodingError::new(ImageFormatHint::Name("PFM".into()), what))
 }
 
-/// The next word of the header, after which its one white space is consumed.
-fn token(reader: &mut impl Read) -> io::Result<String> {
-    // Longer than any sensible number, and short enough for a message.
+fn other_kind(what: &str) -> ImageError {
+    let kind = UnsupportedErrorKind::GenericFeature(what.to_owned());
+    ImageError::Unsupported(UnsupportedError::from_format_and_kind(ImageFormatHint::Name("PFM".into()), kind))
+}
+
+/// The next word of the header, and the one white space behind it, which is consumed.
+fn token(reader: &mut impl Read) -> io::Result<(String, u8)> {
+    // The longest accepted word: longer than any sensible number, and short enough for a message.
     const LONGEST: usize = 32;
     let mut token = String::new();
     while token.len() < LONGEST {
@@ -77,9 +93,9 @@ fn token(reader: &mut impl Read) -> io::Result<String> {
         reader.read_exact(&mut byte)?;
         match byte[0] {
             white if white.is_ascii_whitespace() && token.is_empty() => {}
-            white if white.is_ascii_whitespace() => break,
+            white if white.is_ascii_whitespace() => return Ok((token, white)),
             other => token.push(other.into()),
         }
     }
-    Ok(token)
+    Ok((token, b' '))
 }

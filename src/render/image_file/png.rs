@@ -1,20 +1,27 @@
-//! PNG: strips of rows compressed independently, one after another in one stream; and the pixels read back.
+//! PNG: writes independently compressed strips as one stream, and reads pixels.
 
 use super::Extent;
 use super::parts::{Encode, Join};
 use crate::render::output::Sink;
 use flate2::{Compress, Compression, FlushCompress};
-use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
+use image::error::{
+    DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind, UnsupportedError,
+    UnsupportedErrorKind,
+};
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use simd_adler32::Adler32;
 use std::borrow::Cow;
-use std::io::{self, BufRead, Seek};
+use std::cell::Cell;
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::rc::Rc;
 
-/// The least bytes of a strip but the last. Its first row and its codes cost some hundred bytes.
+/// The least bytes of a strip, except for the last. A strip's first row and its code tables cost
+/// some hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
-/// More than a chunk holds, and less than it may hold.
+/// The longest chunk that is written; the format allows 2^31 - 1 bytes.
 const CHUNK: usize = 1 << 30;
-/// Begins the stream, and ends it except for its checksum: a last block of no bytes.
+/// The bytes that begin the stream, and those that end it, except for the checksum: a last block
+/// without content.
 const HEADER: [u8; 2] = [0x78, 0x01];
 const LAST_BLOCK: [u8; 5] = [1, 0, 0, 0xff, 0xff];
 
@@ -31,16 +38,19 @@ impl PngParts {
 
 impl Encode for PngParts {
     fn part_rows(&self) -> Option<u32> {
-        // A power of two fits rows of tiles, which would be traced twice if cut.
+        // A power of two, so that strips contain whole rows of tiles, which would be traced twice
+        // if they were divided.
         Some(STRIP_BYTES.div_ceil(self.row).next_power_of_two() as u32)
     }
 
-    /// Blocks, preceded by the checksum of their content and its length.
+    /// Compresses a strip to deflate blocks, preceded by the checksum and the length of their
+    /// content.
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         let rows = rows.as_flattened();
         let mut filtered = Vec::with_capacity(rows.len() + rows.len() / self.row);
         for (at, row) in rows.chunks_exact(self.row).enumerate() {
-            // Minus the row above or, in the first row, minus the pixel to the left.
+            // The filter subtracts the row above or, in the first row of a strip, the pixel to the
+            // left.
             let (filter, before) = match at.checked_sub(1) {
                 Some(above) => (2, &rows[above * self.row..]),
                 None => (1, &[&[0; 3], row].concat()[..]),
@@ -54,7 +64,8 @@ impl Encode for PngParts {
         let (mut blocks, mut deflate) = ([&sum[..], &length].concat(), Compress::new(Compression::fast(), false));
         loop {
             blocks.reserve(filtered.len() / 2 + 64);
-            // The flush ends them on a byte boundary. It is complete where it leaves room.
+            // The flush ends the blocks on a byte boundary. It is complete if it leaves room in the
+            // buffer.
             deflate.compress_vec(&filtered[deflate.total_in() as usize..], &mut blocks, FlushCompress::Sync)?;
             if blocks.len() < blocks.capacity() {
                 return Ok(blocks.into());
@@ -66,14 +77,15 @@ impl Encode for PngParts {
 /// Writes the file: its stream in chunks.
 pub(super) struct PngJoin {
     file: png::Writer<Sink>,
-    /// Adler-32 of the rows so far; its halves are sums of all bytes plus 1, and of all values of the first half.
+    /// The Adler-32 checksum of the rows so far: the first half is 1 plus the sum of all bytes, the
+    /// second the sum of all values of the first.
     sum: [u64; 2],
 }
 
 impl PngJoin {
     pub(super) fn new(sink: Sink, extent: &Extent) -> io::Result<Self> {
         let mut encoder = png::Encoder::new(sink, extent.width, extent.height());
-        // Neither gamma nor sRGB is declared: the values are linear and written as is.
+        // Neither a gamma nor sRGB is declared: values are written as they are, usually linear.
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         let mut file = encoder.write_header()?;
@@ -88,7 +100,8 @@ impl Join for PngJoin {
         let (Some((sum, rest)), [a, b]) = (part.split_first_chunk(), self.sum) else { return Ok(()) };
         let Some((length, blocks)) = rest.split_first_chunk() else { return Ok(()) };
         let (sum, length) = (u64::from(u32::from_le_bytes(*sum)), u64::from_le_bytes(*length));
-        // The part's own sum begins with 1 in place of the sum so far.
+        // The part's checksum was computed from the initial value 1, not from the sum so far; this
+        // combines the two.
         let before = a + MODULUS - 1;
         self.sum = [(before + sum % (1 << 16)) % MODULUS, (b + (sum >> 16) + before * (length % MODULUS)) % MODULUS];
         blocks.chunks(CHUNK).try_for_each(|chunk| self.file.write_chunk(png::chunk::IDAT, chunk).map_err(Into::into))
@@ -101,19 +114,80 @@ impl Join for PngJoin {
     }
 }
 
-/// Decodes only the pixels: texts and colour profiles, which may unpack to a thousand times the file, are skipped.
+/// The last chunk of every file.
+const END: [u8; 12] = *b"\0\0\0\0IEND\xaeB`\x82";
+
+/// A file that has its last chunk even where it ends before, as after some programs that never
+/// write it. Where it ends in the middle of another one, these bytes are none that this could go on
+/// with.
+struct Ended<R> {
+    reader: R,
+    /// How many of the chunk's bytes have been read in place of the file's.
+    read: usize,
+    /// Whether the file ended before it was enough.
+    is_short: Rc<Cell<bool>>,
+}
+
+impl<R: BufRead> BufRead for Ended<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.reader.fill_buf()?.is_empty() {
+            self.is_short.set(true);
+            return Ok(&END[self.read..]);
+        }
+        self.reader.fill_buf()
+    }
+
+    fn consume(&mut self, count: usize) {
+        if self.is_short.get() {
+            self.read += count;
+        } else {
+            self.reader.consume(count);
+        }
+    }
+}
+
+impl<R: BufRead> Read for Ended<R> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(out)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl<R: Seek> Seek for Ended<R> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.read = 0;
+        self.is_short.set(false);
+        self.reader.seek(to)
+    }
+}
+
+/// Decodes only the pixels: texts and colour profiles, which may unpack to a thousand times the
+/// file, are skipped.
 pub(super) struct PngDecoder<R: BufRead + Seek> {
-    reader: png::Reader<R>,
+    reader: png::Reader<Ended<R>>,
+    /// Whether the file ended before it was enough.
+    is_short: Rc<Cell<bool>>,
 }
 
 impl<R: BufRead + Seek> PngDecoder<R> {
     /// Reads the header before the pixels, and allocates at most `bytes` for rows.
-    pub(super) fn new(reader: R, bytes: usize) -> ImageResult<Self> {
+    pub(super) fn new(mut reader: R, bytes: usize) -> ImageResult<Self> {
+        // The first chunk's name, behind the signature and the chunk's length.
+        if reader.fill_buf()?.get(12..16) == Some(b"CgBI") {
+            let what = "it is a PNG that was changed for iPhones (CgBI)".to_owned();
+            let kind = UnsupportedErrorKind::GenericFeature(what);
+            return Err(ImageError::Unsupported(UnsupportedError::from_format_and_kind(ImageFormat::Png.into(), kind)));
+        }
+        let is_short = Rc::new(Cell::new(false));
+        let reader = Ended { reader, read: 0, is_short: Rc::clone(&is_short) };
         let mut decoder = png::Decoder::new_with_limits(reader, png::Limits { bytes });
+        decoder.ignore_checksums(false);
         decoder.set_ignore_text_chunk(true);
         decoder.set_ignore_iccp_chunk(true);
         decoder.set_transformations(png::Transformations::EXPAND);
-        Ok(PngDecoder { reader: decoder.read_info().map_err(png_error)? })
+        let reader = decoder.read_info().map_err(|error| png_error(error, is_short.get()))?;
+        Ok(PngDecoder { reader, is_short })
     }
 }
 
@@ -125,7 +199,7 @@ impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
     fn color_type(&self) -> ColorType {
         use png::ColorType as Of;
         match self.reader.output_color_type() {
-            // Not used.
+            // Such files are refused, and so the channels do not matter.
             (_, png::BitDepth::Sixteen) => ColorType::Rgb16,
             (Of::Grayscale, _) => ColorType::L8,
             (Of::GrayscaleAlpha, _) => ColorType::La8,
@@ -135,7 +209,7 @@ impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
     }
 
     fn read_image(mut self, out: &mut [u8]) -> ImageResult<()> {
-        self.reader.next_frame(out).map(drop).map_err(png_error)
+        self.reader.next_frame(out).map(drop).map_err(|error| png_error(error, self.is_short.get()))
     }
 
     fn read_image_boxed(self: Box<Self>, out: &mut [u8]) -> ImageResult<()> {
@@ -143,10 +217,15 @@ impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
     }
 }
 
-fn png_error(error: png::DecodingError) -> ImageError {
+/// The error for a file, which may have ended before it was enough.
+fn png_error(error: png::DecodingError, is_short: bool) -> ImageError {
     match error {
+        // Whatever is wrong with what was added to it.
+        _ if is_short => ImageError::IoError(io::ErrorKind::UnexpectedEof.into()),
         png::DecodingError::IoError(error) => ImageError::IoError(error),
-        png::DecodingError::Format(_) => ImageError::Decoding(DecodingError::new(ImageFormat::Png.into(), error)),
+        png::DecodingError::Format(_) => {
+            ImageError::Decoding(DecodingError::new(ImageFormat::Png.into(), in_words(&error.to_string())))
+        }
         png::DecodingError::Parameter(_) => {
             ImageError::Parameter(ParameterError::from_kind(ParameterErrorKind::Generic(error.to_string())))
         }
@@ -154,4 +233,17 @@ fn png_error(error: png::DecodingError) -> ImageError {
             ImageError::Limits(LimitError::from_kind(LimitErrorKind::InsufficientMemory))
         }
     }
+}
+
+/// The library's message, with the name of a chunk in place of all that it knows of it.
+fn in_words(message: &str) -> String {
+    if message.starts_with("Corrupt deflate stream.") {
+        return "its compressed pixels are corrupt, or do not have the checksum that follows them".to_owned();
+    }
+    let named = message.split_once("ChunkType { type: ").and_then(|(before, chunk)| {
+        let (name, more) = chunk.split_once(',')?;
+        let (_, after) = more.split_once('}')?;
+        Some(format!("{before}{name}{after}"))
+    });
+    named.unwrap_or_else(|| message.to_owned())
 }

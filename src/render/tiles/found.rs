@@ -1,4 +1,4 @@
-//! The hits of a picture in tiles before shading, to measure errors, and the counts of what tiles cull.
+//! The hits of a picture in tiles, for measuring errors, and the counts of what tiles cull.
 
 use std::ops::Range;
 
@@ -29,8 +29,9 @@ impl<E: Element> TileTracer<'_, E> {
         TileSurvey { short: self.count_short(), ..survey }
     }
 
-    /// The result of `narrow` for the tiles that this tracer traces itself, combined with that of `wide` for those in
-    /// f64; each is told which tiles are its own.
+    /// Combines the result of `narrow`, for the tiles that this tracer traces in its own elements,
+    /// with that of `wide`, for the tiles that are traced in f64. Each gets a predicate for its
+    /// tiles.
     pub(super) fn ask_both<T>(
         &self,
         narrow: impl FnOnce(&dyn Fn(TilePlace) -> bool) -> T,
@@ -44,7 +45,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Calls `say` for those tiles of `rows` that are its `own` and have objects, with their nearest objects.
+    /// Calls `say` for those tiles of `rows` that are `own` and have objects, with the nearest
+    /// objects at their pixels.
     fn each_nearest(
         &self,
         rows: Range<u32>,
@@ -62,29 +64,39 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// The counts for its `own` tiles of `rows`.
+    /// The counts for the `own` tiles of `rows`.
     fn survey(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> TileSurvey {
         let mut survey = TileSurvey::default();
-        let mut candidates = Vec::new();
+        let mut owners = Vec::new();
         self.each_tile(rows.clone(), |tile, _| survey.empty += u64::from(own(tile)));
-        self.each_nearest(rows, own, |window, Scratch { buffers, objects, shadows, .. }| {
-            candidates.clear();
-            candidates.resize(objects.order.len(), false);
-            pixels_of(window)
-                .for_each(|(row, column)| candidates[buffers.pixel(self.kernels.lanes, column, row).1] = true);
+        self.each_nearest(rows, own, |window, scratch| {
             survey.empty -= u64::from(window.rows.start == 0);
-            let placed = self.plan.count_in(window);
-            survey.occluded += (placed - (objects.order.len() - 1 + objects.forgotten)) as u64;
-            survey.placed += placed as u64;
-            survey.unseen +=
-                (objects.forgotten + candidates[1..].iter().filter(|candidate| !**candidate).count()) as u64;
-            if let Some(of) = self.plan.shadows() {
-                let scratch = shadows.get_or_insert_default();
-                self.cast_shadows((of, false), window, buffers, objects, scratch);
-                survey = survey.and(std::mem::take(&mut scratch.counts));
-            }
+            survey = survey.and(self.survey_window(window, &mut owners, scratch));
         });
         survey
+    }
+
+    /// The counts for a tile, or a part of one, whose nearest objects were found. `owners` is
+    /// memory that is reused.
+    fn survey_window(&self, window: &TileWindow, owners: &mut Vec<bool>, scratch: &mut Scratch<E>) -> TileSurvey {
+        let Scratch { buffers, objects, shadows, .. } = scratch;
+        owners.clear();
+        owners.resize(objects.order.len(), false);
+        for (row, column) in pixels_of(window) {
+            owners[buffers.pixel(self.kernels.lanes, column, row).id] = true;
+        }
+        let placed = self.plan.count_in(window);
+        let without_pixel = owners[1..].iter().filter(|owns| !**owns).count();
+        let survey = TileSurvey {
+            occluded: (placed - (objects.order.len() - 1 + objects.forgotten)) as u64,
+            placed: placed as u64,
+            unseen: (objects.forgotten + without_pixel) as u64,
+            ..TileSurvey::default()
+        };
+        let Some(planned) = self.plan.shadows() else { return survey };
+        let scratch = shadows.get_or_insert_default();
+        self.cast_shadows(planned, false, window, buffers, objects, scratch);
+        survey.and(std::mem::take(&mut scratch.counts))
     }
 
     /// The number of spheres in the picture that have the short form in bytes.
@@ -98,36 +110,42 @@ impl<E: Element> TileTracer<'_, E> {
         candidates.chunks(CHUNK).map(count).sum()
     }
 
-    /// As [`Tracer::hits`], for its `own` tiles.
+    /// As [`Tracer::hits`], for the `own` tiles only.
     pub(super) fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
         let width = self.plan.size()[0] as usize;
         let mut found = vec![None; rows.len() * width];
-        let spheres = self.plan.spheres().len();
         self.each_nearest(rows.clone(), own, |window, scratch| {
             for (row, column) in pixels_of(window) {
-                let (near, who) = scratch.buffers.pixel(self.kernels.lanes, column, row);
-                if who > 0 {
-                    let place = scratch.objects.order[who] as usize - 1;
-                    let (object, normal) = match place.checked_sub(spheres) {
-                        None => {
-                            let normal =
-                                self.normal_of_sphere((who, near), (window, row, column), &scratch.objects.spheres);
-                            (Object::Sphere(place), normal)
-                        }
-                        // From the scene: kernels have only its product with each light.
-                        Some(i) => {
-                            let corners = self.plan.scene().triangle(i).vertices.map(|v| v.as_dvec3());
-                            (Object::Triangle(i), geometry::triangle_plane(corners).normalize())
-                        }
-                    };
-                    let distance = Distance::Inverse(near.to_f64() / self.plan.inverse_unit());
-                    let place = (window.row as usize + row - rows.start as usize) * width;
-                    let at = place + window.column as usize + column;
-                    found[at] = Some(Found { object, distance, normal: Some(normal) });
-                }
+                let place = (window.row as usize + row - rows.start as usize) * width;
+                let at = place + window.column as usize + column;
+                found[at] = self.found_at(window, row, column, scratch);
             }
         });
         found
+    }
+
+    /// The hit at a pixel of a tile whose nearest objects were found.
+    fn found_at(&self, window: &TileWindow, row: usize, column: usize, scratch: &Scratch<E>) -> Option<Found> {
+        let nearest = scratch.buffers.pixel(self.kernels.lanes, column, row);
+        if nearest.id == 0 {
+            return None;
+        }
+        let place = scratch.objects.order[nearest.id] as usize - 1;
+        let distance = Distance::Inverse(nearest.inverse_t.to_f64() / self.plan.inverse_unit());
+        Some(match place.checked_sub(self.plan.spheres().len()) {
+            None => {
+                let normal =
+                    self.normal_of_sphere(nearest, window, row as u32, column as u32, &scratch.objects.spheres);
+                Found { object: Object::Sphere(place), distance, normal: Some(normal) }
+            }
+            // The normal is computed from the scene, since kernels have only its products with the
+            // lights.
+            Some(i) => {
+                let corners = self.plan.scene().triangle(i).vertices.map(|v| v.as_dvec3());
+                let normal = geometry::triangle_plane(corners).normalize();
+                Found { object: Object::Triangle(i), distance, normal: Some(normal) }
+            }
+        })
     }
 
     pub(super) fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {

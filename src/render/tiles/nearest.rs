@@ -1,32 +1,37 @@
-//! The nearest object at each pixel of a tile: layers from near to far, culling hidden objects before set-up.
+//! The nearest object at each pixel of a tile: layers from near to far, with culling.
+
+use std::ops::Range;
 
 use super::shadows::ShadowScratch;
 use super::spheres::TileSpheres;
 use super::{MOST_EFFECTS, TileTracer};
 use crate::kernels::{
     CHUNK, Candidate, Element, ObjectList, PART_SIDE, SphereChunk, TILE_HEIGHT, TILE_PARTS, TILE_WIDTH, TileBuffers,
-    TileShade, TileView, TileWindow, TriangleChunk,
+    TileShade, TileView, TileWindow, TriangleChunk, TriangleList,
 };
-use crate::plan::{LargeInRow, LargeObjects, Omission, TilePlace, Weighted};
+use crate::plan::{LargeInRow, LargeObjects, Omission, TilePlace, Weighted, compact};
 
-/// In a tile of fewer triangles, or spheres, culling the hidden ones costs more than testing all.
+/// In a tile of fewer triangles, or fewer spheres, culling the hidden ones costs more than testing
+/// all.
 const FEWEST_HIDDEN: usize = 64;
 
-/// The same if they cover the tile more often than [`DEEP`].
+/// The limit that takes the place of [`FEWEST_HIDDEN`] if they cover the tile more than [`DEEP`]
+/// times.
 const FEWEST_DEEP: usize = 16;
 
-/// Objects that cover a tile more often are partitioned once more, and the nearer part is traced first.
+/// Candidates that cover a tile more often than this are partitioned once more, and the nearer part
+/// is traced first.
 const DEEP: u32 = 4;
 
-/// The most layers of a tile: beyond these the rest is about equally near.
+/// The most layers of a tile: after so many partitions the rest is about equally near.
 const MOST_LAYERS: usize = 24;
 
-/// Of the objects in many tiles, the nearest 64 are traced with the tile's own; then, while pixels may be open to farther
-/// ones, each time 4 times as many as before.
+/// How many of the large objects, from the nearest on, are traced together with the tile's own. As
+/// long as farther ones may be visible, `LARGE_MORE` times as many as before follow.
 const LARGE_AT_FIRST: usize = 64;
 const LARGE_MORE: usize = 4;
 
-/// How often the bounds of the candidates, judged by a sample of a few, cover the window.
+/// How many times the candidates' bounds cover the window, estimated from a sample.
 fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     let step = candidates.len().div_ceil(8);
     // The bounds of small objects exceed what they cover, by about a pixel.
@@ -40,138 +45,154 @@ fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
 }
 
-/// A tile of more spheres, or triangles, drops those without a pixel: ids stay within the integers of f32.
+/// A tile of more spheres, or more triangles, drops those without a pixel, so that ids stay within
+/// the integers that f32 represents exactly.
 const MOST_OBJECTS: usize = 1 << 16;
 
-/// The memory of a thread beside the plan.
+/// The scratch memory of a thread.
 #[derive(Default)]
 pub(super) struct Scratch<E: Element> {
     pub buffers: TileBuffers<E>,
-    /// Of spheres and of both kinds of triangles.
+    /// The large objects that meet the current row of tiles: spheres, and both kinds of triangles.
     large: [LargeInRow; 3],
-    /// The candidates of a tile, if they are not in one list of the plan.
+    /// The candidates of a tile, copied together if they are in more than one list of the plan.
     room: Vec<Candidate>,
     layers: Layers,
     pub objects: TileObjects<E>,
-    /// If there are shadows.
+    /// The scratch memory for shadows, if there are any.
     pub shadows: Option<Box<ShadowScratch>>,
+}
+
+impl<E: Element> Scratch<E> {
+    /// More memory than this is not kept.
+    const MOST_KEPT: usize = 1 << 20;
+
+    /// The memory without what is of a plan, unless it is much.
+    pub(super) fn for_other_plans(self) -> Option<Self> {
+        let Scratch { buffers, room, layers, mut objects, .. } = self;
+        let Layers { nearest, room: other_room, others, .. } = &layers;
+        let candidates = [&room, nearest, other_room, others].map(Vec::capacity).iter().sum::<usize>();
+        let bytes = candidates * size_of::<Candidate>() + objects.bytes();
+        objects.shades.clear();
+        objects.spheres.records.clear();
+        (bytes <= Self::MOST_KEPT).then(|| Scratch { buffers, room, layers, objects, ..Scratch::default() })
+    }
 }
 
 /// The set-up objects of a tile, by their ids in it: 0 is no object, spheres come before triangles.
 #[derive(Default)]
 pub(super) struct TileObjects<E> {
-    /// Their places in the scene.
+    /// Their indices in the scene.
     pub order: Vec<u32>,
-    /// The effect of each light on each triangle; zeros for spheres, which have records of their own.
+    /// The effect of each light on each triangle; zeros for spheres, which have records of their
+    /// own.
     pub shades: Vec<TileShade<E>>,
     pub spheres: TileSpheres<E>,
-    /// The number of objects dropped since, because they had no pixel.
+    /// The number of objects that were dropped because they had no pixel.
     pub forgotten: usize,
+}
+
+impl<E: Element> TileObjects<E> {
+    /// About how much memory they hold.
+    fn bytes(&self) -> usize {
+        let TileObjects { order, shades, spheres, .. } = self;
+        let records = &spheres.records;
+        let of_spheres = size_of_val(&records.spheres[..]) + size_of_val(&records.lits[..]);
+        4 * order.capacity() + size_of::<TileShade<E>>() * shades.capacity() + 2 * of_spheres
+    }
 }
 
 /// A tile's objects in layers from near to far, in memory reused from tile to tile.
 #[derive(Default)]
 struct Layers {
     nearest: Vec<Candidate>,
-    /// Memory for the nearest when they are partitioned again.
+    /// Memory for partitioning the nearest ones again.
     room: Vec<Candidate>,
-    /// The others, the farthest first.
+    /// The other layers, the farthest first.
     others: Vec<Candidate>,
-    /// The beginning of each layer of the others, and its length.
-    starts: Vec<(usize, usize)>,
+    /// Where each of these layers is among them.
+    ranges: Vec<Range<usize>>,
 }
 
-/// Called with the nearest objects so far.
+/// The hierarchical depth of a tile.
+struct TileDepth {
+    /// The least 1/t of each part of the tile.
+    parts: [f32; TILE_PARTS],
+    /// The least 1/t in all of it.
+    least: f32,
+}
+
+impl<E> TileObjects<E> {
+    /// Removes all objects.
+    fn clear(&mut self) {
+        self.forgotten = 0;
+        self.order.clear();
+        self.order.push(0);
+        self.spheres.candidates.clear();
+        self.spheres.places.clear();
+    }
+}
+
+/// Callback that gets the nearest objects so far.
 pub(super) type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &TileObjects<E>);
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Finds the nearest objects at the pixels of a tile; false if there can be none. `so_far` is called on progress.
+    /// Finds the nearest objects at the pixels of a tile; false if the tile has no candidate.
+    /// `so_far` is called after each chunk of triangles.
     pub(super) fn find_nearest(
         &self,
         tile: TilePlace,
         window: &TileWindow,
-        // A pair of pointers, not the last argument: on the stack it would be stored as two and loaded as one, which
-        // waits for all earlier stores.
-        mut so_far: Option<SoFar<'_, E>>,
+        // Not the last argument, because it is a pair of pointers: on the stack it would be stored
+        // in two halves and loaded whole, which waits for the stores.
+        so_far: Option<SoFar<'_, E>>,
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
     ) -> bool {
         let Scratch { buffers, large, room, layers, objects, .. } = scratch;
-        objects.forgotten = 0;
-        objects.order.clear();
-        objects.order.push(0);
-        objects.spheres.candidates.clear();
-        objects.spheres.places.clear();
+        objects.clear();
         room.clear();
-        let [mut large_spheres, large @ ..] = self.plan.large(large);
+        let [mut large_spheres, large_triangles @ ..] = self.plan.large(large);
         large_spheres.add(tile, LARGE_AT_FIRST, 0.0, room);
         self.plan.spheres_in(tile, room);
-        let mut any = !room.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
-        if any {
+        let is_cleared = !room.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
+        if is_cleared {
             buffers.clear();
         }
-        let (view, _) = self.plan.view(tile);
-        let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         if !room.is_empty() {
             if room.len() >= FEWEST_HIDDEN && !self.plan.keep().has(Omission::Occluded) {
                 let least = self.plan.least_of_large(tile);
                 room.retain(|candidate| candidate.most >= least);
             }
             self.nearest_spheres(room, weighted, buffers, layers, objects, window);
-            self.each_large(large_spheres, (tile, window), room, buffers, |candidates, buffers| {
+            self.each_large(large_spheres, tile, window, room, buffers, |candidates, buffers| {
                 self.nearest_spheres(candidates, weighted, buffers, layers, objects, window);
             });
             self.look_at_spheres(weighted, buffers, &mut objects.spheres, so_far.is_some());
         }
-        let mut before = 1 + self.plan.spheres().len() as u32;
-        let (first_triangle, most) = (objects.order.len(), self.most_objects(window));
-        let forget_triangles = |buffers: &mut TileBuffers<E>, objects: &mut TileObjects<E>| {
-            let TileObjects { order, shades, forgotten, .. } = objects;
-            let owns = forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
-            *forgotten += owns.into_iter().filter(|owns| !owns).count();
+        let mut search = TriangleSearch {
+            tracer: self,
+            window,
+            weighted,
+            view: self.plan.view(tile),
+            so_far,
+            first_triangle: objects.order.len(),
+            objects,
+            is_cleared,
         };
-        let all = self.plan.triangle_lists();
-        for (kind, (list, mut large)) in all.iter().zip(large).enumerate() {
-            let mut trace = |triangles: &[Candidate], buffers: &mut TileBuffers<E>| {
-                if !any {
-                    buffers.clear();
-                    any = true;
-                }
-                let TileObjects { order, shades, .. } = &mut *objects;
-                if order.len() == first_triangle {
-                    let dark = first_triangle * weighted.lights.len();
-                    shades.resize(shades.len().max(dark), TileShade::default());
-                    shades[..dark].fill(TileShade::default());
-                } else if order.len() - first_triangle > TILE_WIDTH * TILE_HEIGHT {
-                    forget_triangles(buffers, objects);
-                }
-                self.near_first(triangles, layers, buffers, window, |candidates, buffers| {
-                    for start in (0..candidates.len()).step_by(CHUNK) {
-                        if objects.order.len() - first_triangle > most {
-                            forget_triangles(buffers, objects);
-                        }
-                        let TileObjects { order, shades, .. } = &mut *objects;
-                        let first_id = order.len();
-                        let candidates = &candidates[start..];
-                        let triangles =
-                            TriangleChunk { triangles: *list, lights: &weighted.lights, candidates, first_id };
-                        order.extend(candidates.iter().take(CHUNK).map(|candidate| before + candidate.id));
-                        kernels.set_up.call(&view, triangles, buffers, shades);
-                        self.refine(kind, triangles, &view, buffers, shades);
-                        kernels.nearest_triangles.call(buffers, order, window, &grid, self.fewest_across());
-                        if let Some(so_far) = &mut so_far {
-                            so_far(buffers, objects);
-                        }
-                    }
-                });
-            };
+        let mut first_place = 1 + self.plan.spheres().len() as u32;
+        let lists = self.plan.triangle_lists();
+        for (kind, (triangles, mut large)) in lists.into_iter().zip(large_triangles).enumerate() {
+            let list = TracedList { kind, triangles, first_place };
             room.clear();
             large.add(tile, LARGE_AT_FIRST, 0.0, room);
-            self.plan.triangles_in(kind, tile, room, |candidates| trace(candidates, buffers));
-            self.each_large(large, (tile, window), room, buffers, |candidates, buffers| trace(candidates, buffers));
-            before += list.len() as u32;
+            self.plan.triangles_in(kind, tile, room, |candidates| search.trace(&list, candidates, layers, buffers));
+            self.each_large(large, tile, window, room, buffers, |candidates, buffers| {
+                search.trace(&list, candidates, layers, buffers);
+            });
+            first_place += triangles.len() as u32;
         }
-        any
+        search.is_cleared
     }
 
     /// Replaces the planes of the last set-up by the plan's more accurate ones, if it has them.
@@ -194,11 +215,12 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Traces the remaining objects in many tiles, except those behind all of this one.
+    /// Traces the large objects that are left, except those behind everything in this tile.
     fn each_large(
         &self,
         mut large: LargeObjects<'_>,
-        (tile, window): (TilePlace, &TileWindow),
+        tile: TilePlace,
+        window: &TileWindow,
         room: &mut Vec<Candidate>,
         buffers: &mut TileBuffers<E>,
         mut trace: impl FnMut(&mut Vec<Candidate>, &mut TileBuffers<E>),
@@ -206,7 +228,8 @@ impl<E: Element> TileTracer<'_, E> {
         let mut count = LARGE_AT_FIRST;
         while !large.are_through() {
             count = LARGE_MORE.saturating_mul(count);
-            let least = if self.plan.keep().has(Omission::Occluded) { 0.0 } else { self.farthest(buffers, window).1 };
+            let least =
+                if self.plan.keep().has(Omission::Occluded) { 0.0 } else { self.farthest(buffers, window).least };
             room.clear();
             large.add(tile, count, least, room);
             if !room.is_empty() {
@@ -215,11 +238,12 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Traces the candidates, layer by layer from near to far, except those that the layers so far hide.
+    /// Traces the candidates layer by layer from near to far, except those that earlier layers
+    /// hide.
     fn near_first(
         &self,
         candidates: &[Candidate],
-        Layers { nearest, room, others, starts }: &mut Layers,
+        Layers { nearest, room, others, ranges }: &mut Layers,
         buffers: &mut TileBuffers<E>,
         window: &TileWindow,
         mut trace: impl FnMut(&[Candidate], &mut TileBuffers<E>),
@@ -229,49 +253,52 @@ impl<E: Element> TileTracer<'_, E> {
         if few || self.plan.keep().has(Omission::Occluded) {
             return trace(candidates, buffers);
         }
-        // Kernels write whole registers.
+        // The partitioning kernel writes whole registers, beyond the end of its results.
         let enough = candidates.len() + CHUNK;
         for layer in [&mut *nearest, room, others] {
             layer.resize(layer.len().max(enough), Candidate::default());
         }
         let mut near = self.packets.nearer_half.call(candidates, nearest, others);
         let mut end = candidates.len() - near;
-        starts.clear();
-        starts.push((0, end));
-        while starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
+        ranges.clear();
+        ranges.push(0..end);
+        while ranges.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
             let nearer = self.packets.nearer_half.call(&nearest[..near], room, &mut others[end..]);
             if nearer == near {
                 break;
             }
             std::mem::swap(nearest, room);
-            starts.push((end, near - nearer));
+            ranges.push(end..end + near - nearer);
             (near, end) = (nearer, end + near - nearer);
         }
         let mut farthest = None;
-        let mut trace_layer = |layer: &mut [Candidate], count: usize| {
-            let mut left = count;
+        let mut trace_layer = |layer: &mut [Candidate]| {
+            let mut left = layer.len();
             if buffers.has_somebody() {
-                let (parts, least) = farthest.get_or_insert_with(|| self.farthest(buffers, window));
-                left = not_behind(&mut layer[..count], *least);
-                left = visible(&mut layer[..left], parts, window);
+                let depth = farthest.get_or_insert_with(|| self.farthest(buffers, window));
+                left = not_behind(layer, depth.least);
+                left = visible(&mut layer[..left], &depth.parts, window);
             }
             if left > 0 {
                 trace(&layer[..left], buffers);
                 farthest = None;
             }
         };
-        trace_layer(nearest, near);
-        starts.iter().rev().for_each(|(start, count)| trace_layer(&mut others[*start..], *count));
+        trace_layer(&mut nearest[..near]);
+        for range in ranges.iter().rev() {
+            trace_layer(&mut others[range.clone()]);
+        }
     }
 
-    /// The hierarchical depth of a tile, and the least 1/t in all of it.
-    fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> ([f32; TILE_PARTS], f32) {
+    /// The hierarchical depth of a tile within a window.
+    fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> TileDepth {
         buffers.close_around(self.kernels.lanes, window);
         let parts = buffers.farthest(self.kernels.lanes);
-        (parts, parts.into_iter().fold(f32::MAX, f32::min))
+        TileDepth { parts, least: parts.into_iter().fold(f32::MAX, f32::min) }
     }
 
-    /// Traces the spheres of a tile: first those that are not in front.
+    /// Traces the spheres of a tile: first those around the camera or beside it, and then those in
+    /// front.
     fn nearest_spheres(
         &self,
         spheres: &mut Vec<Candidate>,
@@ -319,46 +346,124 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// See [`MOST_EFFECTS`] and [`MOST_OBJECTS`].
+    /// The most objects that a tile sets up before it drops those without a pixel, by
+    /// [`MOST_EFFECTS`] and [`MOST_OBJECTS`].
     fn most_objects(&self, window: &TileWindow) -> usize {
         let pixels = window.columns as usize * window.rows.len();
         (MOST_EFFECTS / self.plan.points().len().max(1)).clamp(pixels, MOST_OBJECTS)
     }
 
-    /// A triangle whose bounds have fewer blocks in a row is tested at all of them: with a few, the number left is
-    /// mispredicted, so that culling costs as much as it saves.
+    /// A triangle whose bounds have fewer blocks in a row is tested at all of them. With so few
+    /// blocks the CPU mispredicts how many are left after culling, so that culling costs as much as
+    /// it saves.
     fn fewest_across(&self) -> u32 {
         let all = self.plan.keep().has(Omission::Misses);
         if all { u32::MAX } else { (TILE_WIDTH / self.kernels.lanes.min(4) / 2) as u32 }
     }
 }
 
-/// Moves those candidates to the front, in order, that are not behind all of a tile; returns their number.
+/// A list of triangles that a tile searches.
+struct TracedList<'a> {
+    /// Its index among the plan's lists.
+    kind: usize,
+    triangles: TriangleList<'a>,
+    /// What a triangle's index in the list is added to for its place among all objects, from 1.
+    first_place: u32,
+}
+
+/// The search for the nearest triangles at the pixels of a tile, whose spheres were found.
+struct TriangleSearch<'a, 't, 'f, E: Element> {
+    tracer: &'a TileTracer<'t, E>,
+    window: &'a TileWindow,
+    weighted: &'a Weighted,
+    view: TileView<f64>,
+    so_far: Option<SoFar<'f, E>>,
+    objects: &'a mut TileObjects<E>,
+    /// The id in the tile of its first triangle.
+    first_triangle: usize,
+    /// Whether the buffers were cleared for this tile, which they are before its first object.
+    is_cleared: bool,
+}
+
+impl<E: Element> TriangleSearch<'_, '_, '_, E> {
+    /// Traces candidates of a list, from near to far.
+    fn trace(
+        &mut self,
+        list: &TracedList<'_>,
+        candidates: &[Candidate],
+        layers: &mut Layers,
+        buffers: &mut TileBuffers<E>,
+    ) {
+        if !self.is_cleared {
+            buffers.clear();
+            self.is_cleared = true;
+        }
+        let TileObjects { order, shades, .. } = &mut *self.objects;
+        if order.len() == self.first_triangle {
+            let dark = self.first_triangle * self.weighted.lights.len();
+            shades.resize(shades.len().max(dark), TileShade::default());
+            shades[..dark].fill(TileShade::default());
+        } else if order.len() - self.first_triangle > TILE_WIDTH * TILE_HEIGHT {
+            self.forget_unseen(buffers);
+        }
+        let (tracer, window) = (self.tracer, self.window);
+        let most = tracer.most_objects(window);
+        tracer.near_first(candidates, layers, buffers, window, |candidates, buffers| {
+            for start in (0..candidates.len()).step_by(CHUNK) {
+                if self.objects.order.len() - self.first_triangle > most {
+                    self.forget_unseen(buffers);
+                }
+                self.trace_chunk(list, &candidates[start..], buffers);
+            }
+        });
+    }
+
+    /// Traces the first chunk of candidates.
+    fn trace_chunk(&mut self, list: &TracedList<'_>, candidates: &[Candidate], buffers: &mut TileBuffers<E>) {
+        let TriangleSearch { tracer, window, weighted, ref view, .. } = *self;
+        let (grid, kernels) = (tracer.plan.grid(), &tracer.kernels.tiles);
+        let TileObjects { order, shades, .. } = &mut *self.objects;
+        let first_id = order.len();
+        let triangles = TriangleChunk { triangles: list.triangles, lights: &weighted.lights, candidates, first_id };
+        order.extend(candidates.iter().take(CHUNK).map(|candidate| list.first_place + candidate.id));
+        kernels.set_up.call(view, triangles, buffers, shades);
+        tracer.refine(list.kind, triangles, view, buffers, shades);
+        kernels.nearest_triangles.call(buffers, order, window, &grid, tracer.fewest_across());
+        if let Some(so_far) = &mut self.so_far {
+            so_far(buffers, self.objects);
+        }
+    }
+
+    /// Drops the triangles that have no pixel so far.
+    fn forget_unseen(&mut self, buffers: &mut TileBuffers<E>) {
+        let TileObjects { order, shades, forgotten, .. } = &mut *self.objects;
+        let owns = forget_unseen(buffers, self.first_triangle, order, shades, self.weighted.lights.len());
+        *forgotten += owns.into_iter().filter(|owns| !owns).count();
+    }
+}
+
+/// Compacts the candidates, in order, to those that are not behind everything in the tile, and
+/// returns their number.
 fn not_behind(candidates: &mut [Candidate], least: f32) -> usize {
     if least <= 0.0 {
         return candidates.len();
     }
-    let mut count = 0;
-    for i in 0..candidates.len() {
-        candidates[count] = candidates[i];
-        count += usize::from(candidates[i].most >= least);
-    }
-    count
+    compact(candidates, |candidate| candidate.most >= least)
 }
 
-/// Moves those candidates to the front, in order, that may be visible in the window, and returns their number. The others are
-/// behind all of the parts of the tile, within the window, where they may be.
+/// Compacts the candidates, in order, to those that may be visible in the window, and returns their
+/// number. The others are behind everything in all those parts of the tile, within the window, that
+/// their bounds meet.
 fn visible(candidates: &mut [Candidate], parts: &[f32; TILE_PARTS], window: &TileWindow) -> usize {
     const ACROSS: usize = TILE_WIDTH / PART_SIDE;
-    // The first and the last part, across or down; the last one comes first if there is none.
+    // The first and the last part that the bounds meet, across or down; if they meet none, the last
+    // is before the first.
     let ends = |bounds: u32, tile: u32, [start, end]: [u32; 2]| {
         let first = (bounds & 0xffff).max(tile + start) - tile;
         let last = (bounds >> 16).min(tile + end).saturating_sub(tile + 1);
         [first, last].map(|pixel| pixel as usize / PART_SIDE)
     };
-    let mut count = 0;
-    for i in 0..candidates.len() {
-        let candidate = candidates[i];
+    compact(candidates, |candidate| {
         let [left, right] = ends(candidate.columns, window.column, [0, window.columns]);
         let [top, bottom] = ends(candidate.rows, window.row, [window.rows.start, window.rows.end]);
         let hides = |row: usize, column: usize| parts[(row * ACROSS + column) % TILE_PARTS] > candidate.most;
@@ -368,14 +473,13 @@ fn visible(candidates: &mut [Candidate], parts: &[f32; TILE_PARTS], window: &Til
         } else {
             (top..=bottom).all(|row| (left..=right).all(|column| hides(row, column)))
         };
-        candidates[count] = candidate;
-        count += usize::from(!is_hidden);
-    }
-    count
+        !is_hidden
+    })
 }
 
-/// Drops the objects of a tile, from id `first` on, that have no pixel, and renumbers the others from there on. Returns
-/// which had a pixel, by their old ids; those below `first` count as having one.
+/// Drops those objects of a tile, among ids from `first` upwards, that have no pixel, and renumbers
+/// the others. Returns, by old id, which objects had a pixel; ids below `first` count as having
+/// one.
 fn forget_unseen<E: Element>(
     buffers: &mut TileBuffers<E>,
     first: usize,

@@ -1,37 +1,37 @@
-//! The lights that do not reach a pixel, because an object is between or because they are behind the surface.
+//! The lights that do not reach a pixel because an object or the surface itself hides them.
 //!
-//! A pixel in a shadow gets an object of its own: one that has the lights of the object there, without those that are hidden.
-//! So shading, and the pixels that all lights reach, know nothing of shadows.
+//! A pixel in a shadow is given to a copy of its object that lacks the hidden lights. So shading
+//! needs to know nothing of shadows, and they cost nothing at pixels that all lights reach.
 
 use glam::DVec3;
 
 use super::TileTracer;
+use super::hidden::{AlongCurve, OcclusionQuery};
 use super::nearest::TileObjects;
 use crate::kernels::{
-    Element, GROUP, LitGroups, LitPoints, Plain, PointObject, TILE_PIXELS, TileBuffers, TilePoints, TileWindow,
-    own_bits,
+    Element, GROUP, GROUPS, LitGroups, Plain, PointObject, TILE_PIXELS, TileBuffers, TilePoints, TileWindow, own_bits,
 };
-use crate::plan::{Casters, Ends, LightSide, Omission, Shadows, TileSurvey};
+use crate::plan::{Casters, Omission, Shadows, TileSurvey};
 
-/// The groups of a tile.
-const GROUPS: usize = TILE_PIXELS / GROUP;
-
-/// All points of a group.
+/// The mask of all points of a group.
 const ALL: u32 = (1 << GROUP) - 1;
 
-/// The memory of a thread for shadows.
+/// The scratch memory of a thread for shadows.
 pub(super) struct ShadowScratch {
     points: Box<TilePoints>,
     groups: Box<LitGroups>,
-    /// By id.
+    /// The tile's objects by id, as the point kernel takes them.
     objects: Vec<PointObject<f64>>,
     owners: Vec<bool>,
-    /// The ids of pixels: of their objects, and of what is left of these.
+    /// The ids at all pixels: `ids` of the visible objects, `left` of their copies without the
+    /// hidden lights.
     ids: Box<[u32; TILE_PIXELS]>,
     left: Box<[u32; TILE_PIXELS]>,
-    /// Objects as a light sees them.
+    /// Candidate casters as a light sees them.
     casters: Casters,
-    /// Of questions, for the report.
+    /// The points behind a crowd, sorted; None until there was a crowd.
+    along_curve: Option<Box<AlongCurve>>,
+    /// Counts of tests that were made and avoided, for the report.
     pub counts: TileSurvey,
 }
 
@@ -45,30 +45,44 @@ impl Default for ShadowScratch {
             ids: Box::new([0; TILE_PIXELS]),
             left: Box::new([0; TILE_PIXELS]),
             casters: Casters::default(),
+            along_curve: None,
             counts: TileSurvey::default(),
         }
     }
 }
 
-/// With more of a tile's objects darkened, those without a pixel are forgotten.
+impl ShadowScratch {
+    /// Finds for each pixel which of the eight lights from index `first` on its surface faces, as a
+    /// bit for each. `faces` is scratch memory for the same by object.
+    fn find_faced(&self, shadows: &Shadows<'_>, first: usize, faces: &mut Vec<u8>, faced: &mut [u8; TILE_PIXELS]) {
+        let eight: Vec<_> = shadows.lights().skip(first).take(8).collect();
+        let lit = |object| eight.iter().rev().fold(0, |lit, light| lit << 1 | u8::from(is_lit(object, *light)));
+        faces.clear();
+        faces.extend(self.objects.iter().map(lit));
+        faced.iter_mut().zip(&*self.ids).for_each(|(faced, id)| *faced = faces[*id as usize]);
+    }
+}
+
+/// When a tile has more darkened copies, those without a pixel are dropped.
 const MOST_PARTS: usize = TILE_PIXELS;
 
-/// No object, or one that is dark: its points are nowhere.
+/// Stands for no object, and for one that no light reaches: its points are NaN.
 const NOBODY: PointObject<f64> = PointObject { w: f64::NAN, own: -1.0, ..PointObject::ZERO };
 
-/// Objects without some of their lights, as parts of a tile's objects: their ids come after those of these.
+/// Copies of a tile's objects that lack some lights; their ids follow those of the tile's objects.
 #[derive(Default)]
 struct Darkened {
     /// The number of the tile's objects.
     count: usize,
-    /// The object of each, and its last hidden light in `hidden`.
+    /// For each copy, the id of its object, and the index in `hidden` of its last hidden light.
     parts: Vec<(u32, u32)>,
-    /// Lights, each after the index of the one that was hidden before, or itself.
+    /// Linked lists of hidden lights: each entry has the index of the light that was hidden before
+    /// it, or its own index at the end, and the light.
     hidden: Vec<(u32, u32)>,
 }
 
 impl Darkened {
-    /// The id of what is left of one without a light more.
+    /// Adds a copy of an object, or of a copy, without one more light, and returns its id.
     fn without(&mut self, id: u32, light: usize) -> u32 {
         let next = self.hidden.len() as u32;
         let part = (id as usize).checked_sub(self.count).map(|part| self.parts[part]);
@@ -78,13 +92,42 @@ impl Darkened {
         (self.count + self.parts.len() - 1) as u32
     }
 
-    /// Its hidden lights.
+    /// The hidden lights of a copy.
     fn lights(&self, (_, last): (u32, u32)) -> impl Iterator<Item = usize> {
         let before = |at: &u32| Some(self.hidden[*at as usize].0).filter(|before| before != at);
         std::iter::successors(Some(last), before).map(|at| self.hidden[at as usize].1 as usize)
     }
 
-    /// Forgets those without a pixel.
+    /// Gives the pixels that a light does not reach, which are not `open`, to copies of their
+    /// objects without that light. `instead` is scratch memory.
+    fn darken(&mut self, ids: &mut [u32; TILE_PIXELS], open: &[u32; GROUPS], light: usize, instead: &mut Vec<u32>) {
+        instead.clear();
+        instead.resize(self.count + self.parts.len(), 0);
+        let mut without = |id: u32| {
+            let instead = &mut instead[id as usize];
+            if *instead == 0 && id > 0 {
+                *instead = self.without(id, light);
+            }
+            *instead
+        };
+        for (ids, open) in ids.as_chunks_mut::<GROUP>().0.iter_mut().zip(open) {
+            let mut dark = *open ^ ALL;
+            if dark == ALL {
+                ids.iter_mut().for_each(|id| *id = without(*id));
+                continue;
+            }
+            while dark != 0 {
+                let id = &mut ids[dark.trailing_zeros() as usize];
+                *id = without(*id);
+                dark &= dark - 1;
+            }
+        }
+        if self.parts.len() > MOST_PARTS {
+            self.forget(ids);
+        }
+    }
+
+    /// Drops the copies without a pixel, and renumbers the others.
     fn forget(&mut self, ids: &mut [u32; TILE_PIXELS]) {
         let mut numbers = vec![0; self.parts.len()];
         let parts = std::mem::take(&mut self.parts);
@@ -100,10 +143,12 @@ impl Darkened {
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Asks which light does not reach the pixels of a tile, and takes it from them if `darkens`.
+    /// Finds which lights do not reach which pixels of a tile, and, if `darkens`, gives those
+    /// pixels to copies of their objects without these lights. Otherwise only tests are counted.
     pub(super) fn cast_shadows(
         &self,
-        (shadows, darkens): (&Shadows<'_>, bool),
+        shadows: &Shadows<'_>,
+        darkens: bool,
         window: &TileWindow,
         buffers: &mut TileBuffers<E>,
         tile_objects: &mut TileObjects<E>,
@@ -111,18 +156,14 @@ impl<E: Element> TileTracer<'_, E> {
     ) {
         self.find_points(shadows, window, buffers, &tile_objects.order, scratch);
         let mut darkened = Darkened { count: tile_objects.order.len(), ..Darkened::default() };
-        let (mut instead, mut faces) = <(Vec<u32>, Vec<u8>)>::default();
-        // Which of eight lights each pixel faces, a bit for each.
+        let mut instead = Vec::new();
+        let mut faces = Vec::new();
         let mut faced = [0; TILE_PIXELS];
         let mut ends_of_points = None;
         let visible = scratch.ids.iter().filter(|id| **id > 0).count() as u64;
         for light in 0..shadows.lights().len() {
             if light % 8 == 0 {
-                let eight: Vec<_> = shadows.lights().skip(light).take(8).collect();
-                let lit = |object| eight.iter().rev().fold(0, |lit, light| lit << 1 | u8::from(is_lit(object, *light)));
-                faces.clear();
-                faces.extend(scratch.objects.iter().map(lit));
-                faced.iter_mut().zip(&*scratch.ids).for_each(|(faced, id)| *faced = faces[*id as usize]);
+                scratch.find_faced(shadows, light, &mut faces, &mut faced);
             }
             for (open, faced) in scratch.groups.open.iter_mut().zip(faced.as_chunks().0) {
                 *open = bits(u128::from_le_bytes(*faced) >> (light % 8));
@@ -130,52 +171,13 @@ impl<E: Element> TileTracer<'_, E> {
             let facing: u64 = scratch.groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
             scratch.counts.averted += visible - facing;
             scratch.counts.facing += facing * shadows.objects(light);
-            let (sides, all_cells) = (shadows.sides(light), self.plan.keep().has(Omission::OtherCells));
-            let several = sides.len() > 1 && !all_cells;
-            for side in sides {
-                if scratch.groups.open == [0; GROUPS] {
-                    break;
-                }
-                if several && !side.may_see(*ends_of_points.get_or_insert_with(|| ends_of_all(&scratch.points))) {
-                    continue;
-                }
-                self.packets.seen.call(side.view(), &mut scratch.points, side.axis(), &mut scratch.groups);
-                if all_cells {
-                    let LitGroups { x, y, past_x, past_y, depth, .. } = &mut *scratch.groups;
-                    [x, y, past_x, past_y, depth].into_iter().for_each(|ends| ends.fill(f32::NEG_INFINITY.to_bits()));
-                }
-                self.ask(&side, !all_cells, scratch);
-            }
-            if !darkens {
-                continue;
-            }
-            instead.clear();
-            instead.resize(darkened.count + darkened.parts.len(), 0);
-            let mut without = |id: u32| {
-                let instead = &mut instead[id as usize];
-                if *instead == 0 && id > 0 {
-                    *instead = darkened.without(id, light);
-                }
-                *instead
-            };
-            for (ids, open) in scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.groups.open) {
-                let mut dark = open ^ ALL;
-                if dark == ALL {
-                    ids.iter_mut().for_each(|id| *id = without(*id));
-                    continue;
-                }
-                while dark != 0 {
-                    let id = &mut ids[dark.trailing_zeros() as usize];
-                    *id = without(*id);
-                    dark &= dark - 1;
-                }
-            }
-            if darkened.parts.len() > MOST_PARTS {
-                darkened.forget(&mut scratch.left);
+            self.close_hidden(shadows, light, scratch, &mut ends_of_points);
+            if darkens {
+                darkened.darken(&mut scratch.left, &scratch.groups.open, light, &mut instead);
             }
         }
         if !darkened.parts.is_empty() {
-            // Under one light all have pixels.
+            // Under a single light every copy has pixels.
             if shadows.lights().nth(1).is_some() {
                 darkened.forget(&mut scratch.left);
             }
@@ -183,7 +185,37 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Finds what is visible in a tile, of objects at these places of the scene, and whose it is.
+    /// Closes the open points that an object hides from a light. `ends_of_points` are computed when
+    /// they are first needed.
+    fn close_hidden(
+        &self,
+        shadows: &Shadows<'_>,
+        light: usize,
+        scratch: &mut ShadowScratch,
+        ends_of_points: &mut Option<[DVec3; 2]>,
+    ) {
+        let (sides, all_cells) = (shadows.sides(light), self.plan.keep().has(Omission::OtherCells));
+        let several = sides.len() > 1 && !all_cells;
+        for side in sides {
+            if scratch.groups.open == [0; GROUPS] {
+                break;
+            }
+            if several && !side.may_see(*ends_of_points.get_or_insert_with(|| ends_of_all(&scratch.points))) {
+                continue;
+            }
+            self.packets.seen.call(side.view(), &mut scratch.points, side.axis(), &mut scratch.groups);
+            if all_cells {
+                let LitGroups { x, y, past_x, past_y, depth, .. } = &mut *scratch.groups;
+                [x, y, past_x, past_y, depth].into_iter().for_each(|ends| ends.fill(f32::NEG_INFINITY.to_bits()));
+            }
+            let ShadowScratch { points, groups, casters, counts, along_curve, .. } = &mut *scratch;
+            let culls = !all_cells;
+            OcclusionQuery { packets: self.packets, side, culls, points, groups, casters, counts }.run(along_curve);
+        }
+    }
+
+    /// Finds the visible point of every pixel of a tile, and which object it belongs to. `order`
+    /// has the objects' indices in the scene.
     fn find_points(
         &self,
         shadows: &Shadows<'_>,
@@ -199,7 +231,7 @@ impl<E: Element> TileTracer<'_, E> {
         owners.resize(order.len(), false);
         for (ids, own) in ids.as_chunks::<GROUP>().0.iter().zip(&mut groups.own) {
             let id = ids[0] as usize;
-            // All at once: comparing arrays is a call.
+            // The ids are compared by arithmetic, since comparing arrays would be a function call.
             let is_one = ids.iter().fold(0, |different, id| different | (id ^ ids[0])) == 0;
             *own = if is_one && id > 0 { own_bits(order[id] - 1) } else { 0 };
             let different = if is_one { &ids[..1] } else { &ids[..] };
@@ -213,35 +245,8 @@ impl<E: Element> TileTracer<'_, E> {
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
     }
 
-    /// Closes the open points from which something on a side hides its light; `culls` those that are not within its edges.
-    fn ask(&self, side: &LightSide<'_>, culls: bool, scratch: &mut ShadowScratch) {
-        let ShadowScratch { points, groups, casters, counts, .. } = scratch;
-        let Some(window) = side.window(ends(groups)) else { return };
-        let light = side.light();
-        let points = LitPoints { points, light: &light };
-        let mut near = [0; 3].map(|_| Vec::with_capacity(GROUPS));
-        side.gather(&window, &mut near);
-        let open: u64 = groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
-        for (kind, near) in near.iter_mut().enumerate() {
-            let count = near.iter().map(|of| of.count as usize).sum::<usize>();
-            counts.asked += open * count as u64;
-            near.sort_unstable_by_key(|of| of.depth.to_bits());
-            let mut near = &near[..];
-            // What is farther than all points that are still open hides none.
-            while near.first().is_some_and(|of| of.depth <= farthest(groups)) {
-                near = side.cast((kind, near), &self.packets.cast, casters);
-                self.packets.meet.call(points.points, groups, culls, &mut casters.list);
-                if kind == 0 {
-                    self.packets.sphere_casters.call(&points, &casters.spheres, &casters.list, groups);
-                } else {
-                    side.make_met(casters);
-                    self.packets.triangle_casters.call(&points, &casters.triangles, &casters.list, groups);
-                }
-            }
-        }
-    }
-
-    /// Makes the shading records of objects that are without some lights, and gives the pixels their ids.
+    /// Makes the shading records of the copies without some lights, and stores their ids at the
+    /// pixels.
     fn part_with(
         &self,
         darkened: &Darkened,
@@ -252,7 +257,7 @@ impl<E: Element> TileTracer<'_, E> {
         let count = darkened.count;
         let lights = self.plan.points().len();
         let first_triangle = 1 + spheres.places.len();
-        // Spheres come before triangles.
+        // Ids of spheres come before those of triangles.
         let roots = (0..count as u32).chain(darkened.parts.iter().map(|(object, _)| *object));
         let is_sphere: Vec<_> = roots.map(|id| (1..first_triangle).contains(&(id as usize))).collect();
         let added = is_sphere[count..].iter().filter(|is_sphere| **is_sphere).count();
@@ -297,22 +302,25 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// Whether a light is on the camera's side of an object's surface: of the plane p . x = 1 of a triangle, and of a sphere where it
-/// is seen from outside, but for what is dark by the law of shading.
+/// Whether a light is on the camera's side of a surface: for a triangle, of its plane p . x = 1;
+/// for a sphere, whether the camera is outside of it, since the law of shading leaves the side away
+/// from the light dark in any case.
 fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     let &PointObject { x, y, z, a, b, own, .. } = object;
-    // Without branches.
+    // Evaluated without branches.
     (own >= 0.0) & ((a != 0.0) | (b != 0.0) | (DVec3::new(x, y, z).dot(light) < 1.0))
 }
 
-/// The lowest bits of 16 bytes.
+/// Collects the lowest bits of 16 bytes.
 fn bits(of: u128) -> u32 {
-    // No two products of a bit meet, and those of the eight are in the last byte in their order.
+    // The multiplication moves the lowest bit of each byte to the top byte, in order; no two
+    // partial products share a bit.
     let eight = |of: u64| (of & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56;
     (eight(of as u64) | eight((of >> 64) as u64) << 8) as u32
 }
 
-/// The least and the greatest coordinates of points; those of nobody are no numbers.
+/// The least and the greatest coordinates of the points; those of pixels without an object are NaN
+/// and are ignored.
 fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints) -> [DVec3; 2] {
     let of = |sign: f64| {
         [x, y, z].map(|field| {
@@ -324,24 +332,4 @@ fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints) -> [DVec3; 2] {
         })
     };
     [of(1.0), of(-1.0)].map(DVec3::from)
-}
-
-/// The ends of all points on a side: those of groups without one are infinite.
-fn ends(LitGroups { x, y, past_x, past_y, depth, .. }: &LitGroups) -> Ends {
-    [x, y, past_x, past_y, depth].map(|field| least(|group| f32::from_bits(field[group])))
-}
-
-/// The farthest open point of all.
-fn farthest(LitGroups { depth, open, .. }: &LitGroups) -> f32 {
-    -least(|group| if open[group] != 0 { f32::from_bits(depth[group]) } else { f32::INFINITY })
-}
-
-/// The least of what groups have.
-fn least(of: impl Fn(usize) -> f32) -> f32 {
-    // Several at a time: of one alone each waits for the one before.
-    let mut all = [f32::INFINITY; 8];
-    for group in (0..GROUPS).step_by(all.len()) {
-        all = std::array::from_fn(|i| if of(group + i) < all[i] { of(group + i) } else { all[i] });
-    }
-    all.into_iter().fold(f32::INFINITY, f32::min)
 }

@@ -1,32 +1,38 @@
-//! The spheres of a tile: their shading records, made only for those that own a pixel, and their normals.
+//! The shading records of a tile's spheres, made only for those that own a pixel; normals.
 
 use glam::DVec3;
 
 use super::{MOST_EFFECTS, TileTracer};
 use crate::kernels::{
-    AroundSphere, CHUNK, Candidate, Element, SphereChunk, SphereRecords, TileBuffers, TileWindow, normal_over_t,
+    CHUNK, Candidate, Element, NearestAtPixel, SphereChunk, SphereRecords, TileBuffers, TileWindow, normal_over_t,
 };
 use crate::plan::{Omission, Weighted};
 use crate::reference::geometry;
 
-/// A scene of at most this many spheres has their shading records made once, before its first tile. In scenes of more, or of
-/// too many lights, each tile makes those of the spheres that own a pixel there.
+/// If a scene has at most this many spheres, their shading records are made once, before its first
+/// tile. With more spheres, or too many lights, each tile makes the records of those that own a
+/// pixel in it.
 const MOST_RECORDS: usize = 4096;
 
-/// In a tile of fewer spheres it costs more to find those that own a pixel than to make all their records.
+/// In a picture of fewer pixels for each sphere most spheres own none: of 1,000 in 16 x 16 pixels
+/// making the records of all took a third of the time.
+const FEWEST_PIXELS: usize = 4;
+
+/// In a tile of fewer spheres, finding those that own a pixel costs more than making the records of
+/// all.
 const FEWEST_OWNERS: usize = 128;
 
-/// The set-up spheres of a tile, in the order of their ids from 1 on.
+/// The set-up spheres of a tile, in the order of their ids, which begin at 1.
 #[derive(Default)]
 pub(super) struct TileSpheres<E> {
     pub candidates: Vec<Candidate>,
-    /// Whether they own a pixel, by id, from 0 on.
+    /// For each id, beginning at 0, whether it owns a pixel.
     owners: Vec<bool>,
-    /// The ones that do.
+    /// The spheres that own a pixel.
     owning: Vec<Candidate>,
-    /// The indices of their records; any for those without a pixel.
+    /// The indices of the spheres' records; arbitrary for spheres without a pixel.
     pub places: Vec<u32>,
-    /// The tile's own records, unless the tracer has those of all.
+    /// The tile's own records, unless the tracer has records of all spheres.
     pub records: SphereRecords<E>,
 }
 
@@ -40,13 +46,16 @@ impl<E: Element> TileTracer<'_, E> {
             self.make_records(weighted, &all, &mut records);
             records
         };
-        // A tile that has shadows has records of what they leave of a sphere.
+        // With shadows, tiles need records of their own for darkened copies of spheres.
         let effects = count * self.plan.sphere_lights().len();
-        (count <= MOST_RECORDS && effects <= MOST_EFFECTS && self.plan.shadows().is_none())
+        let [width, height] = self.plan.size();
+        let pixels = width as usize * height as usize;
+        let has_many_pixels = pixels / FEWEST_PIXELS >= count;
+        (count <= MOST_RECORDS && effects <= MOST_EFFECTS && has_many_pixels && self.plan.shadows().is_none())
             .then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
     }
 
-    /// Makes the records of the candidates, in this order.
+    /// Makes the records of the candidates, in their order.
     pub(super) fn make_records(&self, weighted: &Weighted, candidates: &[Candidate], records: &mut SphereRecords<E>) {
         let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
         let lights = self.plan.sphere_lights();
@@ -56,9 +65,12 @@ impl<E: Element> TileTracer<'_, E> {
             self.kernels.tiles.sphere_shading.call(&weighted.spheres, spheres, lights, short, first, records);
             for (i, candidate) in (first..).zip(&candidates[first..]).take(CHUNK) {
                 let sphere = &self.plan.spheres()[candidate.id as usize];
-                let Some(AroundSphere { cx, cy, cz, scale, .. }) = self.plan.around(sphere) else { continue };
+                if !self.plan.is_shaded_from_camera(sphere) {
+                    continue;
+                }
+                let (centre, scale) = (sphere.centre.as_dvec3(), self.plan.scale());
                 let record = &mut records.spheres[i];
-                [record.ux, record.uy, record.uz] = [cx, cy, cz].map(|c| E::from_f64(c / scale));
+                [record.ux, record.uy, record.uz] = (centre / scale).to_array().map(E::from_f64);
                 (record.mx, record.around) = (E::from_f64(scale / f64::from(sphere.radius)), E::from_f64(1.0));
                 let white = weighted.spheres.white * sphere.colour.as_dvec3();
                 for (lit, light) in records.lits[i * lights.len()..].iter_mut().zip(lights) {
@@ -69,7 +81,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Provides the records of the spheres that own a pixel, or, `by_force`, of all that may be visible in the tile.
+    /// Provides the records of the spheres that own a pixel or, if `by_force`, of all that may be
+    /// visible in the tile.
     pub(super) fn look_at_spheres(
         &self,
         weighted: &Weighted,
@@ -87,7 +100,7 @@ impl<E: Element> TileTracer<'_, E> {
             owners.clear();
             owners.resize(1 + candidates.len(), false);
             buffers.mark_owners(owners);
-            // Without branches, which would be mispredicted.
+            // Compacted without branches, which would be mispredicted.
             owning.resize(candidates.len(), Candidate::default());
             places.resize(candidates.len(), 0);
             let mut count = 0;
@@ -96,33 +109,36 @@ impl<E: Element> TileTracer<'_, E> {
                 *place = count as u32;
                 count += usize::from(*owns);
             }
-            // If none owns a pixel, all of them have the record of the first.
+            // If none owns a pixel, all have index 0, and a record is made for it.
             self.make_records(weighted, &owning[..count.max(1)], records);
         }
     }
 
-    /// The normal of sphere `who` of a tile at one of its pixels, where 1/t is `near`: by the operations of the kernel
-    /// in its elements, which give it divided by t.
+    /// The normal of a sphere of a tile at one of its pixels, by the same operations in the same
+    /// elements as in the kernel, which computes the normal divided by t.
     pub(super) fn normal_of_sphere(
         &self,
-        (who, near): (usize, E),
-        (window, row, column): (&TileWindow, usize, usize),
+        nearest: NearestAtPixel<E>,
+        window: &TileWindow,
+        row: u32,
+        column: u32,
         tile_spheres: &TileSpheres<E>,
     ) -> DVec3 {
-        let (row, column) = (row as u32, column as u32);
-        let Candidate { id, most, .. } = tile_spheres.candidates[who - 1];
-        if most == Candidate::ANY {
+        let index = nearest.id - 1;
+        let inverse_t = nearest.inverse_t.to_f64();
+        let Candidate { id, .. } = tile_spheres.candidates[index];
+        let SphereRecords { spheres, .. } = self.records_of_all(self.plan.linear()).unwrap_or(&tile_spheres.records);
+        let record = spheres[tile_spheres.places[index] as usize].widen();
+        if record.around != 0.0 {
             let d = self.ray(window, column, row);
             return geometry::sphere_normal(
-                self.plan.scale() / near.to_f64() * d,
+                self.plan.scale() / inverse_t * d,
                 self.plan.spheres()[id as usize].centre.as_dvec3(),
             );
         }
-        let SphereRecords { spheres, .. } = self.records_of_all(self.plan.linear()).unwrap_or(&tile_spheres.records);
-        let record = spheres[tile_spheres.places[who - 1] as usize].widen();
         let [x, y] = [(window.column + column, record.column), (window.row + row, record.row)]
             .map(|(pixel, origin)| f64::from(pixel) - origin);
         let over_t = normal_over_t([size_of::<E>() == 4, self.kernels.fused], &record, x, y);
-        DVec3::from(over_t) / near.to_f64()
+        DVec3::from(over_t) / inverse_t
     }
 }

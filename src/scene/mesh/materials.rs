@@ -1,15 +1,17 @@
 //! Colours of meshes: those of vertices, and the materials that an OBJ file names (MTL).
 
 use std::collections::HashMap;
+use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
 use super::Mesh;
+use super::colour::to_linear;
 use crate::scene::diagnostic::brief;
-use crate::scene::log::BYTE_ORDER_MARK;
-use crate::scene::open;
+use crate::scene::log::{BYTE_ORDER_MARK, is_line_end};
+use crate::scene::{mistaken, open};
 
 /// The longest file of materials that is read, in bytes.
 const MOST: u64 = 16 << 20;
@@ -17,24 +19,55 @@ const MOST: u64 = 16 << 20;
 /// The statements of an OBJ file about materials.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Materials {
-    /// The files of materials.
+    /// What follows each `mtllib`.
     libraries: Vec<Vec<u8>>,
-    /// The material used from each triangle on.
-    uses: Vec<(usize, Vec<u8>)>,
+    /// In the order of triangles.
+    uses: Vec<Use>,
+}
+
+/// The name of the material from a triangle on.
+#[derive(Debug, PartialEq)]
+struct Use {
+    from: usize,
+    name: Vec<u8>,
 }
 
 /// The used part of a material.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Material {
     colour: Option<Vec3>,
+    /// Whether it has a `Kd` that is no colour.
+    has_odd_colour: bool,
     has_texture: bool,
     is_transparent: bool,
 }
 
-/// The three numbers at the start of a text, if they are a colour.
-pub(super) fn colour(text: &[u8]) -> Option<Vec3> {
-    let mut words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-    let mut channel = || number(words.next()?).filter(|value| *value >= 0.0);
+/// Materials by their names.
+#[derive(Default)]
+struct Known {
+    materials: HashMap<Vec<u8>, Material>,
+    /// The same by what stands before a `#` in their names, which is part of a name to some
+    /// programs, and begins a comment to others.
+    by_short_names: HashMap<Vec<u8>, Material>,
+}
+
+/// What stands before a comment, which no `1.#QNAN` begins: so some libraries of C write what is no
+/// number.
+pub(super) fn before_comment(text: &[u8]) -> &[u8] {
+    let is_of_number = |at: usize| {
+        let (before, after) = (&text[..at], &text[at + 1..]);
+        let kinds: [&[u8]; 4] = [b"IND", b"INF", b"QNAN", b"SNAN"];
+        let is_kind = |kind: &[u8]| after.get(..kind.len()).is_some_and(|word| word.eq_ignore_ascii_case(kind));
+        before.ends_with(b"1.") && kinds.into_iter().any(is_kind)
+    };
+    let begins = |(at, byte): (usize, &u8)| *byte == b'#' && !is_of_number(at);
+    &text[..text.iter().enumerate().position(begins).unwrap_or(text.len())]
+}
+
+/// The first three words in linear light, if they are a colour.
+pub(super) fn colour<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Vec3> {
+    let is_possible = |value: &f64| *value >= 0.0 && value.is_finite();
+    let mut channel = || words.next()?.parse().ok().filter(is_possible).map(to_linear);
     Some(Vec3::new(channel()?, channel()?, channel()?))
 }
 
@@ -65,17 +98,20 @@ impl Mesh {
 }
 
 impl Materials {
-    /// Takes a line about materials; `triangles` came before it.
-    pub(super) fn line(&mut self, line: &[u8], triangles: usize) {
-        let word = |word: &[u8]| {
-            let name = line.strip_prefix(word)?;
-            name.first().is_some_and(u8::is_ascii_whitespace).then(|| name.trim_ascii().to_vec())
-        };
-        if let Some(name) = word(b"usemtl") {
-            self.uses.push((triangles, name));
-        } else if let Some(name) = word(b"mtllib") {
-            self.libraries.push(name);
-        }
+    /// Takes the name of the material from this triangle on.
+    pub(super) fn use_from(&mut self, triangle: usize, name: &[u8]) {
+        self.uses.push(Use { from: triangle, name: unquoted(name).to_vec() });
+    }
+
+    /// Takes what follows `mtllib`.
+    pub(super) fn add_library(&mut self, names: &[u8]) {
+        self.libraries.push(names.trim_ascii().to_vec());
+    }
+
+    /// Adds the statements of later lines, whose triangles were counted from this one on.
+    pub(super) fn append(&mut self, later: Materials, first: usize) {
+        self.libraries.extend(later.libraries);
+        self.uses.extend(later.uses.into_iter().map(|Use { from, name }| Use { from: first + from, name }));
     }
 
     /// Gives a mesh without colours those of its materials, from files in this folder.
@@ -86,68 +122,182 @@ impl Materials {
         if !mesh.colours.is_empty() {
             return mesh.note_unread(&[("materials, since vertices have colours", true)]);
         }
-        let (mut known, mut all_are_read) = (HashMap::new(), true);
+        let mut known = Known::default();
+        let mut all_are_read = true;
         for library in &self.libraries {
-            let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-            let mut read = |name| read(name, folder, &mut known).map(|path| mesh.libraries.push(path));
-            // One name with blanks, or several.
-            let fault = read(library).or_else(|one| words().map(read).reduce(Result::and).unwrap_or(Err(one)));
-            if let Err(fault) = fault {
-                let name = brief(&String::from_utf8_lossy(library));
-                mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read: {fault}"));
+            if let Err(fault) = known.read_all(library, folder, &mut mesh.libraries) {
+                let name = brief(&String::from_utf8_lossy(unquoted(library)));
+                mesh.notes.push(format!("the materials in `{name}` cannot be read: {fault}"));
                 all_are_read = false;
             }
         }
-        let none = Material::default();
-        let of = |name: &[u8]| known.get(name).unwrap_or(&none);
-        let has = |which: fn(&Material) -> bool| self.uses.iter().any(|(_, name)| which(of(name)));
+        self.paint_with(&known, mesh, all_are_read);
+    }
+
+    /// Gives a mesh the colours of these materials, and notes what else they have.
+    fn paint_with(&self, known: &Known, mesh: &mut Mesh, all_are_read: bool) {
+        let has = |which: fn(&Material) -> bool| self.uses.iter().any(|it| known.get(&it.name).is_some_and(which));
+        let is_unknown = |it: &Use| !it.name.is_empty() && known.get(&it.name).is_none();
         let unread = [
-            (
-                "materials that no file describes",
-                all_are_read && self.uses.iter().any(|(_, name)| !known.contains_key(name)),
-            ),
+            ("materials that no file describes", all_are_read && self.uses.iter().any(is_unknown)),
             ("textures", has(|material| material.has_texture)),
             ("transparency", has(|material| material.is_transparent)),
+            ("colours (Kd) that are not one or three numbers from 0", has(|material| material.has_odd_colour)),
+            ("materials without a colour (Kd)", has(Material::is_plain)),
         ];
+        let exceeds_one = has(|material| material.colour.is_some_and(|colour| colour.max_element() > 1.0));
         let mut uses = self.uses.iter().peekable();
         let mut colour = Vec3::ONE;
         let colours = (0..mesh.triangles.len()).map(|triangle| {
-            while let Some((_, name)) = uses.next_if(|(from, _)| *from <= triangle) {
-                colour = of(name).colour.unwrap_or(Vec3::ONE);
+            while let Some(it) = uses.next_if(|it| it.from <= triangle) {
+                colour = known.get(&it.name).and_then(|material| material.colour).unwrap_or(Vec3::ONE);
             }
             colour
         });
         mesh.paint(colours);
         mesh.note_unread(&unread);
+        if exceeds_one {
+            mesh.notes.push("colours of materials (Kd) exceed 1, and are taken as they are".into());
+        }
     }
 }
 
-/// Reads a file of materials, if there is a regular one; returns which.
-fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> io::Result<PathBuf> {
-    let path = folder.join(str::from_utf8(name).map_err(io::Error::other)?.replace('\\', "/"));
-    if !path.metadata()?.is_file() {
-        return Err(io::Error::other("it is not a regular file"));
+impl Material {
+    /// Whether nothing tells its colour.
+    fn is_plain(&self) -> bool {
+        self.colour.is_none() && !self.has_odd_colour && !self.has_texture
     }
-    let text = open::contents_within(&path, MOST, "too many for materials")?;
-    let mut material = Material::default();
-    let mut begun = None;
-    let text = text.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&text);
-    for line in text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii) {
-        let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
-        let (word, rest) = line.split_at(end);
-        let rest = rest.trim_ascii();
-        let share = || number(rest.split(u8::is_ascii_whitespace).next()?);
-        match word {
-            b"newmtl" => {
-                known.extend(begun.replace(rest.to_vec()).map(|name| (name, std::mem::take(&mut material))));
+}
+
+impl Known {
+    fn get(&self, name: &[u8]) -> Option<&Material> {
+        self.materials.get(name).or_else(|| self.by_short_names.get(before_comment(name).trim_ascii()))
+    }
+
+    fn insert(&mut self, name: &[u8], material: Material) {
+        self.by_short_names.insert(unquoted(before_comment(name)).to_vec(), material.clone());
+        self.materials.insert(unquoted(name).to_vec(), material);
+    }
+
+    /// Reads the files that a line names: one whose name has blanks, or several. Adds those that
+    /// are there to `paths`.
+    fn read_all(&mut self, names: &[u8], folder: &Path, paths: &mut Vec<PathBuf>) -> io::Result<()> {
+        let Err(fault) = self.read(unquoted(names), folder, paths) else { return Ok(()) };
+        let names = names_of(names);
+        if names.is_empty() {
+            return Err(fault);
+        }
+        names.into_iter().map(|name| self.read(name, folder, paths)).fold(Ok(()), Result::and)
+    }
+
+    /// Reads a file of materials.
+    fn read(&mut self, name: &[u8], folder: &Path, paths: &mut Vec<PathBuf>) -> io::Result<()> {
+        let path = find(name, folder)?;
+        let text = open::contents_within(&path, MOST, "too many for materials")?;
+        if let Some(mistaken) = mistaken::recognise_unread(&text) {
+            return Err(io::Error::other(format!("{}: {}", mistaken.what, mistaken.help)));
+        }
+        self.parse(text.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&text));
+        paths.push(path);
+        Ok(())
+    }
+
+    /// Takes the materials of a text.
+    fn parse(&mut self, text: &[u8]) {
+        let mut material = Material::default();
+        let mut name = None;
+        for line in text.split(|byte| is_line_end(*byte)).map(<[u8]>::trim_ascii) {
+            let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+            let (word, rest) = line.split_at(end);
+            let is = |known: &str| word.eq_ignore_ascii_case(known.as_bytes());
+            let share = || before_comment(rest).split(u8::is_ascii_whitespace).find_map(number);
+            if is("newmtl") {
+                let before = std::mem::take(&mut material);
+                if let Some(name) = name.replace(rest) {
+                    self.insert(name, before);
+                }
+            } else if is("Kd") {
+                material.colour = diffuse(before_comment(rest));
+                material.has_odd_colour = material.colour.is_none();
+            } else if is("map_Kd") {
+                material.has_texture = true;
+            } else if is("d") {
+                material.is_transparent |= share().is_some_and(|share| share < 1.0);
+            } else if is("Tr") {
+                material.is_transparent |= share().is_some_and(|share| share > 0.0);
             }
-            b"Kd" => material.colour = colour(rest),
-            b"map_Kd" => material.has_texture = true,
-            b"d" => material.is_transparent |= share().is_some_and(|share| share < 1.0),
-            b"Tr" => material.is_transparent |= share().is_some_and(|share| share > 0.0),
-            _ => {}
+        }
+        if let Some(name) = name {
+            self.insert(name, material);
         }
     }
-    known.extend(begun.map(|name| (name, material)));
-    Ok(path)
+}
+
+/// The colour of `Kd`: three numbers, or one for a grey.
+fn diffuse(text: &[u8]) -> Option<Vec3> {
+    let words: Vec<_> = str::from_utf8(text).ok()?.split_ascii_whitespace().collect();
+    match words[..] {
+        [grey] => colour([grey; 3].into_iter()),
+        _ => colour(words.into_iter()),
+    }
+}
+
+/// A name without the quotes that some programs put around it.
+fn unquoted(name: &[u8]) -> &[u8] {
+    let name = name.trim_ascii();
+    let inner = name.strip_prefix(b"\"").and_then(|name| name.strip_suffix(b"\""));
+    inner.filter(|inner| !inner.contains(&b'"')).unwrap_or(name)
+}
+
+/// The names in a line, up to a comment: what stands between quotes, what ends in `.mtl`, with
+/// blanks in it or without, or else words.
+fn names_of(names: &[u8]) -> Vec<&[u8]> {
+    let mut found = Vec::new();
+    let mut rest = names.trim_ascii_start();
+    while !rest.is_empty() && !rest.starts_with(b"#") {
+        let (inner, end) = match rest.strip_prefix(b"\"") {
+            Some(inner) => (inner, inner.iter().position(|byte| *byte == b'"')),
+            None => (rest, extension_end(rest).or_else(|| rest.iter().position(u8::is_ascii_whitespace))),
+        };
+        let end = end.unwrap_or(inner.len());
+        found.push(&inner[..end]);
+        rest = inner[end..].get(1..).unwrap_or_default().trim_ascii_start();
+    }
+    found
+}
+
+/// Where the first word that ends in `.mtl` does, if there is one before a comment or a quote.
+fn extension_end(names: &[u8]) -> Option<usize> {
+    let names = before_comment(names).split(|byte| *byte == b'"').next().unwrap_or_default();
+    let is_end = |end: &usize| names.get(*end).is_none_or(u8::is_ascii_whitespace);
+    (4..=names.len()).filter(is_end).find(|end| names[end - 4..*end].eq_ignore_ascii_case(b".mtl"))
+}
+
+/// The regular file that a name means: its path from the folder, or the bare name in the folder,
+/// since the path is often that of the machine that wrote it.
+fn find(name: &[u8], folder: &Path) -> io::Result<PathBuf> {
+    let mut name = name.to_vec();
+    name.iter_mut().filter(|byte| **byte == b'\\').for_each(|byte| *byte = b'/');
+    let bare = name.rsplit(|byte| *byte == b'/').next().unwrap_or_default();
+    let mut found = [&name[..], bare].into_iter().flat_map(spellings).map(|name| regular(folder.join(name)));
+    let first = found.next().unwrap_or_else(|| Err(io::ErrorKind::InvalidFilename.into()));
+    first.or_else(|fault| found.find_map(Result::ok).ok_or(fault))
+}
+
+/// The path, if it is that of a regular file.
+fn regular(path: PathBuf) -> io::Result<PathBuf> {
+    if path.metadata()?.is_file() { Ok(path) } else { Err(io::Error::other("it is not a regular file")) }
+}
+
+/// The ways in which the system may spell a name of these bytes: as they are, where names are
+/// bytes, and read as Latin-1 if they are not UTF-8.
+fn spellings(name: &[u8]) -> Vec<OsString> {
+    if let Ok(name) = str::from_utf8(name) {
+        return vec![name.into()];
+    }
+    let latin_1 = name.iter().copied().map(char::from).collect::<String>().into();
+    #[cfg(unix)]
+    return vec![<std::ffi::OsStr as std::os::unix::ffi::OsStrExt>::from_bytes(name).to_owned(), latin_1];
+    #[cfg(not(unix))]
+    vec![latin_1]
 }

@@ -1,45 +1,43 @@
 //! Wavefront OBJ, piece by piece.
 
+mod usual;
+
 use std::borrow::Cow;
 use std::io::Read;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use super::fault::{counted, not_finite};
-use super::materials::{Materials, colour};
+use super::fault::{NonFiniteVertex, counted, only, small_faces};
+use super::materials::{Materials, before_comment, colour};
+use super::number::Number;
 use super::polygon::Fan;
+use super::vertices::Vertices;
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
+use crate::scene::chunks::SharedFile;
+use crate::scene::diagnostic::brief;
 use crate::scene::log::is_line_end;
 use crate::scene::pieces::Pieces;
 
 /// Corners are numbers from 1, or backwards from -1.
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
-/// The mesh of a file of this length; None if that cannot be read.
-pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Materials), MeshError>> {
-    let mut pieces = Pieces::new(file, length);
+/// The mesh of a file of this length; None if that cannot be read. `shared` is the file for several
+/// threads.
+pub(super) fn read(
+    file: impl Read,
+    length: usize,
+    shared: Option<SharedFile<'_>>,
+) -> Option<Result<(Mesh, Materials), MeshError>> {
     // "v 0 0 0" and "f 1 2 3" are the shortest lines.
     let most = length / 8 + 1;
-    let mut obj = Obj { points: room(most), mesh: Mesh { triangles: room(most), ..Mesh::default() }, ..Obj::default() };
-    loop {
-        pieces.fill()?;
-        let (text, ended) = (pieces.rest(), pieces.ended());
-        let end =
-            if ended { text.len() } else { text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1) };
-        let mut rest = &text[..end];
-        if let Err(fault) = obj.lines(&mut rest, ended) {
-            return Some(Err(fault));
-        }
-        let left = text.len() - end + rest.len();
-        if ended {
-            return Some(obj.mesh());
-        } else if left == text.len() {
-            pieces.lengthen()?;
-        } else {
-            pieces.leave(left);
-        }
-    }
+    let points = Vertices::in_room(room(most));
+    let mut obj = Obj { points, mesh: Mesh { triangles: room(most), ..Mesh::default() }, ..Obj::default() };
+    let read = match shared.filter(|shared| shared.is_worth_sharing(length)) {
+        Some(shared) => obj.take_shared(length, shared)?,
+        None => obj.take_pieces(file, length)?,
+    };
+    Some(read.and_then(|()| obj.mesh()))
 }
 
 /// What has been read of a file so far.
@@ -47,7 +45,7 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Mater
 struct Obj {
     /// The number of lines begun.
     line: usize,
-    points: Vec<Vec3>,
+    points: Vertices,
     /// The mesh, with triangles of `points`.
     mesh: Mesh,
     /// Colours of points; later points are white.
@@ -55,19 +53,61 @@ struct Obj {
     faces: usize,
     fans: Vec<Fan>,
     materials: Materials,
-    normals: bool,
-    textures: bool,
     /// The corners of the current face.
     corners: Vec<u32>,
     /// Whether some vertices have weights: then none has a colour.
     weighted: bool,
-    /// The first vertex that is not finite, which matters if it is used, and its line.
-    infinite: Option<(usize, usize)>,
-    /// Corners whose vertices had not been read yet, except those that cannot be the first missing one.
+    /// The vertices that are not finite.
+    non_finite: Vec<NonFiniteVertex>,
+    /// Corners whose vertices had not been read yet, except those that cannot be the first missing
+    /// one.
     early: Vec<Corner>,
-    /// The first face of less than three corners, and the corners of all such faces.
-    small: Option<MeshError>,
-    of_small: Vec<u32>,
+    skipped: Skipped,
+    /// Whether these are lines from the middle of a file, whose faces may name vertices before
+    /// them.
+    follows_others: bool,
+}
+
+/// What is skipped of a file, to be told in notes.
+#[derive(Default)]
+struct Skipped {
+    normals: bool,
+    textures: bool,
+    surfaces: bool,
+    calls: bool,
+    /// Whether comments have the colours of vertices, as ZBrush writes them.
+    colours_in_comments: bool,
+    /// The number of vertices with numbers behind their coordinates that are no colour.
+    tails: usize,
+    /// The number of faces of less than three corners.
+    faces: usize,
+    /// The number of lines that begin with no word of OBJ, and the first such line and word.
+    lines: usize,
+    first_line: Option<(usize, String)>,
+}
+
+/// Lines that nearly all files have, read without knowing what comes before them.
+struct UsualLines {
+    obj: Obj,
+    /// Faces name so many vertices, of these lines and of those before.
+    vertices: usize,
+}
+
+impl UsualLines {
+    /// Reads whole lines; None if one is not usual.
+    fn of(text: &[u8]) -> Option<Self> {
+        // Most lines have more bytes than this.
+        let most = text.len() / 16;
+        let points = Vertices::after_near_ones(Vec::with_capacity(most));
+        let mesh = Mesh { triangles: Vec::with_capacity(most), ..Mesh::default() };
+        let mut obj = Obj { points, mesh, follows_others: true, ..Obj::default() };
+        let mut rest = text;
+        while !rest.is_empty() {
+            rest = obj.take_usual(rest)?;
+        }
+        let furthest = obj.mesh.triangles.as_flattened().iter().copied().reduce(u32::max);
+        Some(UsualLines { vertices: furthest.map_or(0, |index| index as usize + 1), obj })
+    }
 }
 
 /// A corner of a face, for an error.
@@ -85,6 +125,10 @@ impl Obj {
     /// Takes lines, up to one that is not all at hand.
     fn lines(&mut self, rest: &mut &[u8], ended: bool) -> Result<(), MeshError> {
         while !rest.is_empty() {
+            if let Some(after) = self.take_usual(rest) {
+                *rest = after;
+                continue;
+            }
             let begun = *rest;
             let Some((line, count)) = joined(rest, ended) else {
                 *rest = begun;
@@ -96,122 +140,242 @@ impl Obj {
         Ok(())
     }
 
+    /// Takes lines piece by piece up to the end of a file of this length; None if it cannot be
+    /// read.
+    fn take_pieces(&mut self, file: impl Read, length: usize) -> Option<Result<(), MeshError>> {
+        let mut pieces = Pieces::new(file, length);
+        loop {
+            pieces.fill()?;
+            let (text, ended) = (pieces.rest(), pieces.ended());
+            let end =
+                if ended { text.len() } else { text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1) };
+            let mut rest = &text[..end];
+            if let Err(fault) = self.lines(&mut rest, ended) {
+                return Some(Err(fault));
+            }
+            let left = text.len() - end + rest.len();
+            if ended {
+                return Some(Ok(()));
+            } else if left == text.len() {
+                pieces.lengthen()?;
+            } else {
+                pieces.leave(left);
+            }
+        }
+    }
+
+    /// The same of a file that threads share: after its first lines they take usual ones, as long
+    /// as there are no others.
+    fn take_shared(&mut self, length: usize, shared: SharedFile<'_>) -> Option<Result<(), MeshError>> {
+        let first_lines = shared.first_lines(length).unwrap_or_default();
+        let mut rest = &first_lines[..];
+        if let Err(fault) = self.lines(&mut rest, false) {
+            return Some(Err(fault));
+        }
+        let mut taken = first_lines.len() - rest.len();
+        if self.points.are_near() {
+            taken = shared.read_lines(taken..length, |_, text| UsualLines::of(text), |lines| self.append(lines));
+        }
+        self.take_pieces(shared.rest(taken).ok()?, length - taken)
+    }
+
+    /// Appends the next lines, unless they name vertices that come later.
+    fn append(&mut self, lines: UsualLines) -> bool {
+        let UsualLines { obj, vertices } = lines;
+        if vertices > self.points.len() + obj.points.len() {
+            return false;
+        }
+        let Obj { line, points, mesh, faces, fans, materials, skipped, .. } = obj;
+        let first = self.mesh.triangles.len();
+        let shifted =
+            |Fan { number, first: of, corners }| Fan { number: self.faces + number, first: first + of, corners };
+        self.fans.extend(fans.into_iter().map(shifted));
+        self.materials.append(materials, first);
+        self.skipped.append(skipped, self.line);
+        self.points.append(points);
+        self.mesh.triangles.extend(mesh.triangles);
+        self.line += line;
+        self.faces += faces;
+        true
+    }
+
+    /// Takes the next line if it is one of those that nearly all files have, and returns what
+    /// follows it.
+    #[inline]
+    fn take_usual<'a>(&mut self, rest: &'a [u8]) -> Option<&'a [u8]> {
+        let after = match rest {
+            [b'v', b' ', numbers @ ..] if self.points.are_near() => {
+                let (point, after) = usual::point(numbers)?;
+                self.points.push(point, || point.as_dvec3());
+                after
+            }
+            [b'f', b' ', corners @ ..] => {
+                let vertices = if self.follows_others { usize::MAX } else { self.points.len() };
+                let after = usual::corners(corners, vertices, &mut self.corners)?;
+                self.faces += 1;
+                self.add_face();
+                after
+            }
+            _ => return self.take_usual_other(rest),
+        };
+        self.line += 1;
+        Some(after)
+    }
+
+    /// The same for a line that is neither a vertex nor a face.
+    fn take_usual_other<'a>(&mut self, rest: &'a [u8]) -> Option<&'a [u8]> {
+        let (line, after) = usual::line(rest)?;
+        let (keyword, rest) = keyword_of(line);
+        if matches!(keyword, b"v" | b"V" | b"f" | b"F" | b"fo") {
+            return None;
+        }
+        self.line += 1;
+        self.other(keyword, rest);
+        Some(after)
+    }
+
     /// Takes a line.
     fn take(&mut self, line: &[u8]) -> Result<(), MeshError> {
-        let words = || line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-        let at = self.line;
-        let fault = |message: String, expected: &str| MeshError::new(message).line(at).expected(expected);
-        let text = |line| {
-            str::from_utf8(line).map_err(|_| fault("the line is no text: it is not UTF-8".into(), "a vertex or a face"))
-        };
-        match words().next() {
-            Some(b"v") => {
-                let vertex = self.points.len() + 1;
-                let no_point = || fault(format!("vertex {vertex} is not a point"), "three numbers after v: x y z");
-                let mut more = line;
-                for _ in 0..4 {
-                    more = more.trim_ascii_start();
-                    more = &more[more.iter().position(u8::is_ascii_whitespace).unwrap_or(more.len())..];
+        let (keyword, rest) = keyword_of(line);
+        match keyword {
+            b"v" | b"V" => self.vertex(rest),
+            b"f" | b"F" | b"fo" => self.face(rest),
+            _ => {
+                self.other(keyword, rest);
+                Ok(())
+            }
+        }
+    }
+
+    fn fault(&self, message: String, expected: &str) -> MeshError {
+        MeshError::new(message).line(self.line).expected(expected)
+    }
+
+    /// What stands before a comment, which may be in any encoding.
+    fn text<'a>(&self, rest: &'a [u8]) -> Result<&'a str, MeshError> {
+        let not_utf8 = |_| self.fault("the line is no text: it is not UTF-8".into(), "a vertex or a face");
+        str::from_utf8(before_comment(rest)).map_err(not_utf8)
+    }
+
+    /// Takes the coordinates of a vertex, behind which one number is a weight, and three or more
+    /// begin with a colour.
+    fn vertex(&mut self, rest: &[u8]) -> Result<(), MeshError> {
+        let text = self.text(rest)?;
+        let number = self.points.len() + 1;
+        let no_point =
+            || self.fault(format!("vertex {number} is not a point"), "three numbers after v: x y z").of_text(text);
+        let mut words = text.split_whitespace();
+        let mut coordinate = || next_number(&mut words).ok_or_else(no_point);
+        let [x, y, z] = [coordinate()?, coordinate()?, coordinate()?];
+        let mut point = Vec3::new(x.single, y.single, z.single);
+        let mut exact = DVec3::new(x.double, y.double, z.double);
+        let tail = words.clone();
+        let mut is_finite = point.is_finite();
+        match tail.count() {
+            0 => {}
+            1 => {
+                let weight = next_number(&mut words).ok_or_else(no_point)?;
+                if weight.single == 0.0 {
+                    return Err(self.fault(format!("vertex {number} has the weight 0"), "x y z alone"));
                 }
-                if let Some(colour) = colour(more) {
+                self.weighted = true;
+                point /= weight.single;
+                exact /= weight.double;
+                is_finite &= weight.single.is_finite() && point.is_finite();
+            }
+            _ => match colour(words) {
+                Some(colour) => {
                     self.tints.resize(self.points.len(), Vec3::ONE);
                     self.tints.push(colour);
                 }
-                let count = words().count();
-                self.weighted |= count == 5;
-                let text = text(if count > 5 { &line[..line.len() - more.len()] } else { line })?;
-                let mut words = text.split_whitespace().skip(1);
-                let mut number = || words.next().map(str::parse::<f32>);
-                let mut coordinate = || number().and_then(Result::ok).ok_or_else(no_point);
-                let mut point = Vec3::new(coordinate()?, coordinate()?, coordinate()?);
-                let weight = number();
-                // Unicode separates words where ASCII does not: with two more words it is a colour, not read here.
-                let weight = match words.count() {
-                    0 => weight.transpose().map_err(|_| no_point())?,
-                    2 => None,
-                    _ => return Err(MeshError::new("color parse error (too many or too few components)").line(at)),
-                };
-                if !point.is_finite() || weight.is_some_and(|weight| !weight.is_finite()) {
-                    self.infinite.get_or_insert((vertex, at));
-                }
-                if let Some(weight) = weight {
-                    if weight == 0.0 {
-                        return Err(fault(format!("vertex {vertex} has the weight 0"), "x y z alone"));
-                    }
-                    point /= weight;
-                }
-                self.points.push(point);
-            }
-            Some(b"f") => {
-                self.corners.clear();
-                let (there_are, face) = (self.points.len() as i64, self.faces + 1);
-                let words = text(line)?.split_whitespace().skip(1).take_while(|word| !word.starts_with('#'));
-                for (corner, word) in (1..).zip(words) {
-                    let mut parts =
-                        word.split('/').map(|part| if part.is_empty() { Some(0) } else { part.parse().ok() });
-                    let index = parts.next().flatten();
-                    let Some(index) =
-                        index.filter(|_| parts.by_ref().take(2).all(|part| part.is_some()) && parts.next().is_none())
-                    else {
-                        return Err(fault(format!("face {face} cannot be understood"), CORNER));
-                    };
-                    let vertex = if index < 0 { there_are + 1 + index } else { index };
-                    self.corners.push(u32::try_from(vertex - 1).unwrap_or(u32::MAX));
-                    let last = self.early.last().map(|last| last.vertex);
-                    let is_first = last.is_none_or(|last| last > 0 && (vertex < 1 || vertex > last));
-                    if !(1..=there_are).contains(&vertex) && is_first {
-                        self.early.push(Corner { line: at, face, corner, index, vertex });
-                    }
-                }
-                if let count @ ..3 = self.corners.len() {
-                    let message = format!("face {face} has {}", counted(count, "corner", "corners"));
-                    self.small.get_or_insert(fault(message, "at least three"));
-                    self.of_small.append(&mut self.corners);
-                    self.faces += 1;
-                } else {
-                    self.face();
-                }
-            }
-            _ => self.other(line),
+                None => self.skipped.tails += 1,
+            },
         }
+        if !is_finite {
+            self.non_finite.push(NonFiniteVertex { index: number - 1, line: Some(self.line) });
+        }
+        self.points.push(point, || exact);
         Ok(())
     }
 
-    fn face(&mut self) {
+    fn face(&mut self, rest: &[u8]) -> Result<(), MeshError> {
+        let text = self.text(rest)?;
         self.faces += 1;
+        self.corners.clear();
+        for (corner, word) in (1..).zip(text.split_whitespace()) {
+            let Some(index) = vertex_index(word) else {
+                let message = format!("face {} cannot be understood", self.faces);
+                return Err(self.fault(message, CORNER).of_text(text));
+            };
+            self.corner(corner, index);
+        }
+        self.add_face();
+        Ok(())
+    }
+
+    /// Adds the current face.
+    fn add_face(&mut self) {
         match self.corners[..] {
+            [] | [_] | [_, _] => self.skipped.faces += 1,
             [a, b, c] => self.mesh.triangles.push([a, b, c]),
             _ => self.mesh.push_face(self.faces, &self.corners, &mut self.fans),
         }
     }
 
-    /// Takes a line that is neither a vertex nor a face.
-    fn other(&mut self, line: &[u8]) {
-        let line = line.trim_ascii_start();
-        let blank = line.get(2).is_some_and(u8::is_ascii_whitespace);
-        self.normals |= line.starts_with(b"vn") && blank;
-        self.textures |= line.starts_with(b"vt") && blank;
-        self.materials.line(line, self.mesh.triangles.len());
+    /// Takes a corner of the current face; its vertex may follow later in the file.
+    fn corner(&mut self, corner: usize, index: i64) {
+        let there_are = self.points.len() as i64;
+        let vertex = if index < 0 { there_are + 1 + index } else { index };
+        self.corners.push(u32::try_from(vertex - 1).unwrap_or(u32::MAX));
+        if (1..=there_are).contains(&vertex) {
+            return;
+        }
+        let last = self.early.last().map(|last| last.vertex);
+        if last.is_none_or(|last| last > 0 && (vertex < 1 || vertex > last)) {
+            self.early.push(Corner { line: self.line, face: self.faces, corner, index, vertex });
+        }
     }
 
-    /// The mesh, after all lines have been read: its vertices are those that faces name, in the order in which they do.
-    fn mesh(self) -> Result<(Mesh, Materials), MeshError> {
-        let Obj { points, mut mesh, tints, .. } = self;
-        let there_are = points.len() as i64;
-        if let Some(missing) = self.early.iter().find(|corner| !(1..=there_are).contains(&corner.vertex)) {
-            let Corner { line, face, corner, index, .. } = missing;
-            let message = format!("face {face}'s corner {corner} is vertex {index}, which the file has not");
-            let has = format!("1 to {there_are}, the number of its vertices, or -1 and down for the last ones");
-            return Err(MeshError::new(message).line(*line).expected(has));
+    /// Takes a line that is neither a vertex nor a face.
+    fn other(&mut self, keyword: &[u8], rest: &[u8]) {
+        let is = |word: &str| keyword.eq_ignore_ascii_case(word.as_bytes());
+        let skipped = &mut self.skipped;
+        if is("vn") {
+            skipped.normals = true;
+        } else if is("vt") {
+            skipped.textures = true;
+        } else if is("usemtl") {
+            self.materials.use_from(self.mesh.triangles.len(), rest);
+        } else if is("mtllib") {
+            self.materials.add_library(rest);
+        } else if is("curv") || is("curv2") || is("surf") {
+            skipped.surfaces = true;
+        } else if is("call") {
+            skipped.calls = true;
+        } else if keyword.is_empty() {
+            skipped.colours_in_comments |= rest.starts_with(b"#MRGB ");
+        } else if !SKIPPED.split(' ').any(is) {
+            skipped.lines += 1;
+            let word = || brief(&String::from_utf8_lossy(keyword));
+            skipped.first_line.get_or_insert_with(|| (self.line, word()));
         }
-        const NOWHERE: u32 = u32::MAX;
-        let mut places = vec![NOWHERE; points.len()];
+    }
+
+    /// The mesh, after all lines have been read: its vertices are those that faces name, in the
+    /// order in which they do.
+    fn mesh(self) -> Result<(Mesh, Materials), MeshError> {
+        self.check()?;
+        let Obj { points, mut mesh, tints, .. } = self;
+        let (points, origin) = points.finish();
+        mesh.origin = origin;
+        const UNUSED: u32 = u32::MAX;
+        let mut places = vec![UNUSED; points.len()];
         mesh.vertices = room(points.len() + 1);
         let is_tinted = !tints.is_empty() && !self.weighted;
         let mut of_vertices = Vec::new();
         for index in mesh.triangles.as_flattened_mut() {
             let place = &mut places[*index as usize];
-            if *place == NOWHERE {
+            if *place == UNUSED {
                 *place = mesh.vertices.len() as u32;
                 mesh.vertices.push(points[*index as usize]);
                 if is_tinted {
@@ -220,15 +384,8 @@ impl Obj {
             }
             *index = *place;
         }
-        if self.infinite.is_some() || self.weighted {
-            let of_small = self.of_small.iter().map(|index| &points[*index as usize]);
-            if !mesh.vertices.iter().chain(of_small).all(|vertex| vertex.is_finite()) {
-                let nowhere = |(vertex, line)| not_finite(&format!("vertex {vertex}")).line(line);
-                return Err(self.infinite.map_or_else(|| MeshError::new("a vertex is not finite"), nowhere));
-            }
-        }
-        if let Some(small) = self.small {
-            return Err(small);
+        if let Some(used) = self.non_finite.iter().find(|vertex| places[vertex.index] != UNUSED) {
+            return Err(used.fault());
         }
         let mut mesh = mesh.cut(&self.fans)?;
         if is_tinted {
@@ -237,22 +394,149 @@ impl Obj {
                 mesh.notes.push("colours of vertices exceed 1, and are taken as they are".into());
             }
         }
-        mesh.note_unread(&[("normals", self.normals), ("texture coordinates", self.textures)]);
+        self.skipped.note(&mut mesh, !tints.is_empty() && self.weighted);
         Ok((mesh, self.materials))
+    }
+
+    /// Checks that all vertices of faces are there, and that there is a triangle.
+    fn check(&self) -> Result<(), MeshError> {
+        let there_are = self.points.len();
+        let is_missing = |corner: &&Corner| !(1..=there_are as i64).contains(&corner.vertex);
+        if let Some(Corner { line, face, corner, index, vertex }) = self.early.iter().find(is_missing) {
+            let refers = format!("face {face}'s corner {corner} refers to vertex {index}");
+            let message = match *index {
+                0 => format!("{refers}, but vertices are counted from 1"),
+                ..0 => {
+                    let before = (vertex - 1 - index) as usize;
+                    format!("{refers}, but only {} before it", counted(before, "vertex comes", "vertices come"))
+                }
+                1.. => format!("{refers}, but the file has {}", only(there_are)),
+            };
+            let message = match &self.skipped.first_line {
+                Some((line, word)) => format!("{message}; line {line} begins with `{word}`, which OBJ does not know"),
+                None => message,
+            };
+            let fault = MeshError::new(message).line(*line);
+            let expected = match there_are {
+                0 => "vertices: lines such as v 0 0 1".to_owned(),
+                _ => format!("1 to {there_are}, the number of its vertices, or -1 and down for the last ones"),
+            };
+            return Err(fault.expected(expected));
+        }
+        if !self.mesh.triangles.is_empty() {
+            return Ok(());
+        }
+        let Skipped { faces, surfaces, lines, .. } = self.skipped;
+        let vertices = counted(there_are, "vertex", "vertices");
+        let reason = if faces > 0 {
+            format!("each of its {} has less than three corners", counted(faces, "face", "faces"))
+        } else if surfaces {
+            "it has curves and surfaces in place of faces, and these are not read".to_owned()
+        } else if there_are > 0 {
+            format!("it has {vertices} and no face")
+        } else if lines > 0 {
+            "no line begins with v or f".to_owned()
+        } else {
+            "it has no vertices and no faces".to_owned()
+        };
+        Err(MeshError::new(format!("the mesh is empty: {reason}")).expected("at least one face, such as f 1 2 3"))
     }
 }
 
-/// Takes a line, joined with the next one after a backslash, without its end, and the number of lines; None if not all
-/// at hand.
+impl Skipped {
+    /// Adds what was skipped of later lines, which were counted from this one on.
+    fn append(&mut self, later: Skipped, line: usize) {
+        self.normals |= later.normals;
+        self.textures |= later.textures;
+        self.surfaces |= later.surfaces;
+        self.calls |= later.calls;
+        self.colours_in_comments |= later.colours_in_comments;
+        self.tails += later.tails;
+        self.faces += later.faces;
+        self.lines += later.lines;
+        let shifted = |(first, word)| (line + first, word);
+        self.first_line = self.first_line.take().or_else(|| later.first_line.map(shifted));
+    }
+
+    /// Notes what was skipped.
+    fn note(&self, mesh: &mut Mesh, colours: bool) {
+        let Skipped { faces, tails, lines, .. } = *self;
+        mesh.note_unread(&[
+            ("normals", self.normals),
+            ("texture coordinates", self.textures),
+            ("curves and surfaces", self.surfaces),
+            ("files that `call` names", self.calls),
+            ("colours of vertices, since some vertices have weights", colours),
+            ("colours in comments (#MRGB)", self.colours_in_comments),
+        ]);
+        if faces > 0 {
+            mesh.notes.push(small_faces(faces));
+        }
+        if tails > 0 {
+            let vertices = counted(tails, "vertex", "vertices");
+            mesh.notes.push(format!("not read: numbers behind the coordinates of {vertices}, which are no colours"));
+        }
+        if let Some((line, word)) = &self.first_line {
+            let first = if lines == 1 { "" } else { "the first " };
+            let lines = counted(lines, "line", "lines");
+            mesh.notes.push(format!("left out: {lines} that OBJ does not know, {first}in line {line}: `{word}`"));
+        }
+    }
+}
+
+/// The words that other lines of OBJ begin with, all of which are skipped: groups, points and
+/// lines, what belongs to curves and surfaces, and how they are to be shown.
+const SKIPPED: &str = "g o s p l mg vp deg bmat step cstype parm trim hole scrv sp end con bevel c_interp d_interp lod \
+    shadow_obj trace_obj ctech stech maplib usemap csh bsp bzp cdc cdp res";
+
+/// The first word of a line, and what follows it.
+fn keyword_of(line: &[u8]) -> (&[u8], &[u8]) {
+    // A vertical tab is a blank to the C language, and to the words behind the keyword.
+    let is_blank = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'\x0b';
+    let line = &line[line.iter().position(|byte| !is_blank(byte)).unwrap_or(line.len())..];
+    line.split_at(line.iter().position(|byte| is_blank(byte) || *byte == b'#').unwrap_or(line.len()))
+}
+
+/// The number that the next word is.
+fn next_number<'a>(words: &mut impl Iterator<Item = &'a str>) -> Option<Number> {
+    Number::of_word(words.next()?.as_bytes())
+}
+
+/// The first of up to three numbers between slashes; 0 in the place of a missing one. None if one
+/// is no whole number.
+fn vertex_index(word: &str) -> Option<i64> {
+    let number = |part: &str| if part.is_empty() { Some(0) } else { part.parse::<i64>().ok() };
+    let mut parts = word.split('/').map(number);
+    let index = parts.next()??;
+    let is_valid = parts.by_ref().take(2).all(|part| part.is_some()) && parts.next().is_none();
+    is_valid.then_some(index)
+}
+
+/// Whether a line that ends in a backslash goes on in the next one. A comment does not, since it
+/// may end in the name of a folder of Windows; a name does not if the next line is clearly one of
+/// its own.
+fn goes_on(line: &[u8], next: &[u8]) -> bool {
+    let is_one_of =
+        |keyword: &[u8], words: &str| words.split(' ').any(|it| keyword.eq_ignore_ascii_case(it.as_bytes()));
+    let (next, _) = keyword_of(next.split(|byte| is_line_end(*byte)).next().unwrap_or_default());
+    let is_own = next.is_empty() || is_one_of(next, "v vn vt f g o s usemtl mtllib");
+    let is_name = is_one_of(keyword_of(line).0, "g o usemtl mtllib");
+    !line.contains(&b'#') && (!is_name || !is_own)
+}
+
+/// Takes a line, joined with the next one after a backslash, without its end, and the number of
+/// lines; None if not all at hand.
 fn joined<'a>(rest: &mut &'a [u8], ended: bool) -> Option<(Cow<'a, [u8]>, usize)> {
     let mut joined = Cow::Borrowed(&[][..]);
     for count in 1.. {
         // A carriage return alone ends a line, too: in the files of old Macs.
-        let end = rest.iter().position(|byte| is_line_end(*byte)).map_or(rest.len(), |end| end + 1);
+        let end = memchr::memchr2(b'\n', b'\r', rest).map_or(rest.len(), |end| end + 1);
         let end = end + usize::from(rest[..end].ends_with(b"\r") && rest[end..].starts_with(b"\n"));
         let line = rest.split_off(..end)?.trim_ascii_end();
         match line.strip_suffix(b"\\") {
-            Some(begun) if !(ended && rest.is_empty()) => {
+            // What follows has to be at hand to be judged.
+            Some(_) if !ended && !rest.iter().any(|byte| is_line_end(*byte)) => return None,
+            Some(begun) if !rest.is_empty() && goes_on(line, rest) => {
                 joined.to_mut().extend(begun);
                 joined.to_mut().push(b' ');
             }
@@ -261,9 +545,6 @@ fn joined<'a>(rest: &mut &'a [u8], ended: bool) -> Option<(Cow<'a, [u8]>, usize)
                 joined.to_mut().extend(line);
                 return Some((joined, count));
             }
-        }
-        if rest.is_empty() {
-            break;
         }
     }
     None

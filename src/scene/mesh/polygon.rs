@@ -1,11 +1,13 @@
-//! Faces of more than three corners: fans if they are convex, and triangulated by ear clipping if not.
+//! Faces of more than three corners: fans if they are convex, and triangulated by ear clipping if
+//! not.
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::MeshError;
 use super::fault::counted;
 
-/// The most corners that one of a face is compared with, on average: enough for some two thousand corners.
+/// The most corners that one of a face is compared with, on average: enough for some two thousand
+/// corners.
 const PATIENCE: usize = 1000;
 
 /// A face that was read as a fan around its first corner, before all vertices were known.
@@ -24,7 +26,8 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
         let fan = &mut triangles[first..first + corners - 2];
         let mut outline: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|triangle| triangle[2])).collect();
         let place = |index: &u32| vertices[*index as usize];
-        // A corner that is repeated turns at neither of its copies, which would hide a turn to the right.
+        // A corner that is repeated turns at neither of its copies, which would hide a turn to the
+        // right.
         let mut before = place(&outline[corners - 1]);
         outline.retain(|index| place(index) != std::mem::replace(&mut before, place(index)));
         let flat = flat(outline.iter().map(|index| place(index).as_dvec3()).collect());
@@ -43,7 +46,8 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
     Ok(())
 }
 
-/// A face projected along its normal (Newell's: the sum over all its edges), counter-clockwise.
+/// A face projected along the axis nearest to its normal (Newell's: the sum over all its edges),
+/// counter-clockwise.
 fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     let from_first = |corner: &DVec3| *corner - corners[0];
     let edges = corners.iter().zip(corners.iter().skip(1));
@@ -56,7 +60,8 @@ fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     corners.iter().map(seen).collect()
 }
 
-/// Whether there is no turn to the right beyond the rounding of corners to f32, and none back to the same place.
+/// Whether there is no turn to the right beyond the rounding of corners to f32, and none back to
+/// the same place.
 fn is_convex(flat: &[DVec2]) -> bool {
     let rounding = flat.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max) * f64::from(f32::EPSILON);
     (0..flat.len()).all(|at| {
@@ -70,8 +75,8 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - b)
 }
 
-/// Clips ears one by one, triangles of three consecutive corners with no other corner in them; if there is none, as in
-/// an outline that crosses itself, of any three. None if that takes too long.
+/// Clips ears one by one, triangles of three consecutive corners with no other corner in them; if
+/// there is none, as in an outline that crosses itself, of any three. None if that takes too long.
 fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let mut rest: Vec<usize> = (0..flat.len()).collect();
     let mut ears = Vec::with_capacity(flat.len() - 2);
@@ -79,7 +84,8 @@ fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     while rest.len() > 3 {
         let count = rest.len();
         let ear = |at: usize| [at + count - 1, at, at + 1].map(|at| rest[at % count]);
-        // Where the rest comes back to a place at once nothing is between: it is cut before an ear beside it is taken for one.
+        // Where the rest comes back to a place at once nothing is between: it is cut before an ear
+        // beside it is taken for one.
         let mut places = if are_sought { 0..count } else { at + count - 2..at + count };
         let back = places.find(|at| matches!(ear(*at).map(|corner| flat[corner]), [a, b, c] if a == c || b == c));
         are_sought &= back.is_some();

@@ -1,4 +1,5 @@
-//! Generated meshes of any size: an icosphere, smooth or bumpy, a torus, and a terrain. The same on every machine.
+//! Generated meshes of any size: an icosphere, smooth or bumpy, a torus, and a terrain. The same on
+//! every machine.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -11,17 +12,19 @@ use crate::scene::Rng;
 /// The most triangles of a shape.
 pub const MOST_TRIANGLES: u64 = 100_000_000;
 
-/// The sphere of radius 1 about the origin as an icosahedron whose faces are cut into f² triangles each: 20 f² of them,
-/// with f such that this is nearest to `triangles`. Closed, seen from outside counter-clockwise.
+/// The sphere of radius 1 about the origin as an icosahedron whose faces are cut into f² triangles
+/// each: 20 f² of them, with f such that this is nearest to `triangles`. Closed, seen from outside
+/// counter-clockwise.
 ///
-/// With `bumps` above 0 its radius varies from 1 by up to that share, by noise from `seed`, and it stays closed.
+/// With `bumps` above 0 its radius varies from 1 by up to that share, by noise from `seed`, and it
+/// stays closed.
 pub fn icosphere(triangles: u64, bumps: f64, seed: u64) -> Mesh {
     let frequency = nearest(triangles, |f| 20 * f * f);
     let noise = Noise::new(seed);
     let corners = icosahedron();
     let mut mesh = Mesh::default();
-    // A point inside an edge or at a corner belongs to several faces, and is made once: its weights of the
-    // icosahedron's corners identify it.
+    // A point inside an edge or at a corner belongs to several faces, and is made once: its weights
+    // of the icosahedron's corners identify it.
     let mut shared = HashMap::new();
     for face in FACES {
         let mut point = |weights: [u64; 3]| {
@@ -58,8 +61,8 @@ pub fn icosphere(triangles: u64, bumps: f64, seed: u64) -> Mesh {
     mesh
 }
 
-/// A torus about the y axis, of radius 1 with a tube of radius 0.4, of 2 · 2n · n triangles, with n such that this is
-/// nearest to `triangles`. Closed, seen from outside counter-clockwise.
+/// A torus about the y axis, of radius 1 with a tube of radius 0.4, of 2 · 2n · n triangles, with n
+/// such that this is nearest to `triangles`. Closed, seen from outside counter-clockwise.
 pub fn torus(triangles: u64) -> Mesh {
     let around_tube = nearest(triangles, |n| 4 * n * n).max(3);
     let around = 2 * around_tube;
@@ -83,8 +86,8 @@ pub fn torus(triangles: u64) -> Mesh {
     mesh
 }
 
-/// Hills from `seed` over the square from -1 to 1 in x and z, y up, of 2 n² triangles, with n such that this is nearest
-/// to `triangles`. Open; seen from above counter-clockwise.
+/// Hills from `seed` over the square from -1 to 1 in x and z, y up, of 2 n² triangles, with n such
+/// that this is nearest to `triangles`. Open; seen from above counter-clockwise.
 pub fn terrain(triangles: u64, seed: u64) -> Mesh {
     let side = nearest(triangles, |n| 2 * n * n);
     let noise = Noise::new(seed);

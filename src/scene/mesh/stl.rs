@@ -2,30 +2,89 @@
 
 use std::io::Read;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use super::fault::{goes_on, not_finite};
-use super::materials::number;
+use super::fault::{counted, goes_on, not_finite};
+use super::number::Number;
+use super::polygon::Fan;
+use super::vertices::Vertices;
 use super::{Mesh, MeshError};
 use crate::kernels::sys::room;
+use crate::scene::diagnostic::brief;
+use crate::scene::log::is_line_end;
 
 /// A binary file: a title of this many bytes, a count of 4 bytes, and the facets.
 const TITLE: usize = 80;
 const FACET: usize = 50;
 
-/// Whether a file of this length and beginning is binary: its title may begin as a text does.
-fn is_binary(source: &[u8], length: usize) -> bool {
-    let body = length.saturating_sub(TITLE + 4);
-    let fits = claimed(source).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
-    fits || !source.starts_with(b"solid")
+/// So much of a file tells whether it is text.
+const BEGINNING: usize = 1 << 10;
+
+/// What an STL file is, as its beginning and its length tell.
+#[derive(Debug, PartialEq)]
+enum Kind {
+    Text,
+    Binary,
+    Neither,
 }
 
-/// The vertices of facets, which share none in a file: a corner equal bit by bit to a recent one becomes the same
-/// vertex. Facets are nearly always written beside their neighbours: few are missed, at the cost of memory.
+/// The kind of a file of this length and beginning. A text begins with `solid` in any case, but so
+/// may the title of a binary file, which can also have more bytes than its count of facets tells.
+fn kind(beginning: &[u8], length: usize) -> Kind {
+    let body = length.saturating_sub(TITLE + 4);
+    if claimed(beginning).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET)) {
+        return Kind::Binary;
+    }
+    let mut lines = beginning.split(|byte| is_line_end(*byte)).map(first_word).filter(|word| !word.is_empty());
+    let first = lines.next().unwrap_or_default();
+    let is_keyword = |word: &[u8]| KEYWORDS.iter().any(|keyword| word.eq_ignore_ascii_case(keyword));
+    // Bytes that no text has; those of other alphabets are none of them.
+    let is_plain = !beginning.iter().any(|byte| byte.is_ascii_control() && !byte.is_ascii_whitespace());
+    let is_solid = first.get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid"));
+    // Four bytes of a text are a count that no file has room for.
+    let has_room = claimed(beginning).is_some_and(|claimed| claimed as usize <= body / FACET);
+    let is_text = if is_plain {
+        is_solid || is_keyword(first) || lines.any(is_keyword)
+    } else {
+        is_solid && !has_room && lines.next().is_some_and(is_keyword)
+    };
+    if is_text {
+        Kind::Text
+    } else if is_plain && length >= TITLE + 4 {
+        Kind::Neither
+    } else {
+        Kind::Binary
+    }
+}
+
+/// What lines of a text begin with.
+const KEYWORDS: [&[u8]; 3] = [b"solid", b"facet", b"endsolid"];
+
+/// The first word of a line, without what is no ASCII, such as a byte order mark.
+fn first_word(line: &[u8]) -> &[u8] {
+    line.split(|byte| !byte.is_ascii_graphic()).find(|word| !word.is_empty()).unwrap_or_default()
+}
+
+/// The vertices of facets, which share none in a file: a corner equal bit by bit to a recent one
+/// becomes the same vertex. Facets are nearly always written beside their neighbours: few are
+/// missed, at the cost of memory.
 struct Corners {
-    vertices: Vec<Vec3>,
+    vertices: Vertices,
     /// The last vertex of each hash.
-    met: Vec<u32>,
+    met: Vec<Met>,
+}
+
+/// A vertex that was met. Its place is here too: most of a mesh's vertices are in no cache.
+#[derive(Clone, Copy)]
+struct Met {
+    /// The bits of its coordinates.
+    bits: [u32; 3],
+    index: u32,
+}
+
+impl Met {
+    /// Of no vertex: coordinates are finite.
+    const NONE: Met = Met { bits: [u32::MAX; 3], index: u32::MAX };
 }
 
 impl Corners {
@@ -33,21 +92,31 @@ impl Corners {
 
     /// No vertices yet, and the mesh that they are added to.
     fn new(room: Vec<Vec3>) -> Self {
-        Corners { vertices: room, met: vec![u32::MAX; 1 << Self::BITS] }
+        Corners { vertices: Vertices::in_room(room), met: vec![Met::NONE; 1 << Self::BITS] }
     }
 
-    /// The index of this corner's vertex.
-    fn vertex(&mut self, corner: Vec3) -> u32 {
-        let bits = |vertex: Vec3| vertex.to_array().map(f32::to_bits);
-        let [x, y, z] = bits(corner);
+    /// The index of this corner's vertex, which is finite, and given as the nearest f32 and f64.
+    #[inline]
+    fn vertex(&mut self, single: Vec3, double: impl FnOnce() -> DVec3 + Copy) -> u32 {
+        let bits = single.to_array().map(f32::to_bits);
+        let [x, y, z] = bits;
         // Odd numbers without a pattern: any difference changes the upper bits.
         let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ z.wrapping_mul(0xc2b2_ae3d);
         let met = &mut self.met[(mixed >> (u32::BITS - Self::BITS)) as usize];
-        if self.vertices.get(*met as usize).is_none_or(|vertex| bits(*vertex) != [x, y, z]) {
-            *met = self.vertices.len() as u32;
-            self.vertices.push(corner);
+        let is_met = met.bits == bits && self.vertices.is_exactly(met.index, single, double);
+        if !is_met {
+            *met = Met { bits, index: self.vertices.len() as u32 };
+            self.vertices.push(single, double);
         }
-        *met
+        met.index
+    }
+
+    /// The index of the vertex of a text, if it is one.
+    fn vertex_of_words(&mut self, words: [&[u8]; 3]) -> Option<u32> {
+        let [x, y, z] = words.map(Number::of_word);
+        let (x, y, z) = (x?, y?, z?);
+        let single = Vec3::new(x.single, y.single, z.single);
+        single.is_finite().then(|| self.vertex(single, || DVec3::new(x.double, y.double, z.double)))
     }
 }
 
@@ -58,92 +127,188 @@ fn claimed(source: &[u8]) -> Option<u32> {
 
 /// The mesh of a file of this length; None if that cannot be read.
 pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
-    let mut source = Vec::new();
-    file.by_ref().take((TITLE + 4) as u64).read_to_end(&mut source).ok()?;
-    if is_binary(&source, length) {
-        return binary(file, &source, length);
+    let mut beginning = Vec::new();
+    file.by_ref().take(BEGINNING as u64).read_to_end(&mut beginning).ok()?;
+    match kind(&beginning, length) {
+        Kind::Binary => binary(beginning.as_slice().chain(file), length),
+        Kind::Text => {
+            file.read_to_end(&mut beginning).ok()?;
+            Some(text(beginning))
+        }
+        Kind::Neither => {
+            let line = beginning.split(|byte| is_line_end(*byte)).find(|line| !line.trim_ascii().is_empty());
+            let line = brief(&String::from_utf8_lossy(line.unwrap_or_default().trim_ascii()));
+            let message = format!("this is no STL file: it is a text that begins with `{line}`");
+            Some(Err(MeshError::new(message).expected("the word solid at the start of a text, or a binary file")))
+        }
     }
-    file.read_to_end(&mut source).ok()?;
-    Some(text(source))
 }
 
-/// Reads the rest of a binary file after its head.
-fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh, MeshError>> {
+/// Reads a binary file.
+fn binary(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
     /// The facets of a piece, which stays in a core's caches.
     const TOGETHER: usize = 2048;
+    let mut head = Vec::new();
+    file.by_ref().take((TITLE + 4) as u64).read_to_end(&mut head).ok()?;
     let body = length.saturating_sub(TITLE + 4);
-    let Some(claimed) = claimed(head) else {
-        let fault = MeshError::new(format!("the file has {length} bytes"));
-        return Some(Err(fault.expected("the word solid at its start, or 84 bytes and more")));
+    let (count, notes) = match claimed(&head) {
+        Some(claimed) => match count(claimed, body) {
+            Ok(count) => count,
+            Err(fault) => return Some(Err(fault)),
+        },
+        None => {
+            let fault = MeshError::new(format!("the file has {length} bytes"));
+            return Some(Err(fault.expected("the word solid at its start, or 84 bytes and more")));
+        }
     };
-    let (count, most) = (claimed as usize, body / FACET);
-    if count > most {
-        let message = format!("the header claims {claimed} facets, and the file has no room for so many");
-        return Some(Err(MeshError::new(message).expected(format!("at most {most}: {body} bytes follow it"))));
-    }
     // A closed mesh has half as many vertices.
     let (mut vertices, mut triangles) = (Corners::new(room(count + 1)), room(count));
     let mut piece = vec![[0; FACET]; count.min(TOGETHER)];
+    let mut attributes = 0;
     for first in (0..count).step_by(TOGETHER) {
         let facets = &mut piece[..TOGETHER.min(count - first)];
         file.read_exact(facets.as_flattened_mut()).ok()?;
         for facet in facets {
             // After the normal.
             let [a, b, c] = *facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 else { return None };
+            attributes |= facet[48] | facet[49];
             let point = |corner: [[u8; 4]; 3]| Vec3::from(corner.map(f32::from_le_bytes));
-            let mut vertex = |corner| Some(point(corner)).filter(|it| it.is_finite()).map(|it| vertices.vertex(it));
+            let mut vertex = |corner| {
+                let finite = Some(point(corner)).filter(|point| point.is_finite());
+                finite.map(|point| vertices.vertex(point, || point.as_dvec3()))
+            };
             let (Some(a), Some(b), Some(c)) = (vertex(a), vertex(b), vertex(c)) else {
                 let corner = [a, b, c].iter().position(|corner| !point(*corner).is_finite());
-                return Some(Err(nowhere(triangles.len() + 1, corner?)));
+                return Some(Err(corner_not_finite(triangles.len() + 1, corner?)));
             };
             triangles.push([a, b, c]);
         }
     }
-    let notes = (count < most).then(|| goes_on("facets")).into_iter().collect();
-    Some(Ok(Mesh { vertices: vertices.vertices, triangles, notes, ..Mesh::default() }))
+    let (vertices, origin) = vertices.vertices.finish();
+    let mut mesh = Mesh { vertices, origin, triangles, notes, ..Mesh::default() };
+    mesh.note_unread(&[("attributes of facets, which some programs use for colours", attributes != 0)]);
+    Some(Ok(mesh))
 }
 
-fn nowhere(facet: usize, corner: usize) -> MeshError {
+/// How many facets are read of a binary file that claims so many and has a body of so many bytes;
+/// and notes on it.
+fn count(claimed: u32, body: usize) -> Result<(usize, Vec<String>), MeshError> {
+    let (count, most) = (claimed as usize, body / FACET);
+    if count > most {
+        let message = format!("the header claims {claimed} facets, and the file has no room for so many");
+        return Err(MeshError::new(message).expected(format!("at most {most}: {body} bytes follow it")));
+    }
+    // Some writers leave a place for the count and never fill it in.
+    if count == 0 && most > 0 {
+        if body.is_multiple_of(FACET) {
+            let follow = if most == 1 { "1 follows, which was" } else { &format!("{most} follow, which were") };
+            return Ok((most, vec![format!("the header counts 0 facets, but {follow} read")]));
+        }
+        let message = format!("the header counts 0 facets, but {body} bytes follow it");
+        return Err(MeshError::new(message).expected(format!("the number of facets, of {FACET} bytes each")));
+    }
+    let is_longer = body > count * FACET && count > 0;
+    Ok((count, is_longer.then(|| goes_on("facets")).into_iter().collect()))
+}
+
+fn corner_not_finite(facet: usize, corner: usize) -> MeshError {
     not_finite(&format!("facet {facet}'s vertex {}", corner + 1))
 }
 
-/// Reads all solids as one mesh. What stands between them is passed over, unless it may be part of a facet.
+/// What is expected next in a text.
+#[derive(Clone, Copy, PartialEq)]
+enum Step {
+    /// A solid, or what stands between solids.
+    Solid,
+    /// A facet, or the end of its solid.
+    Facet,
+    Loop,
+    /// One of the first three vertices of a facet.
+    Vertex,
+    /// The end of the loop, or another vertex: some programs write polygons.
+    EndLoop,
+    EndFacet,
+}
+
+/// Reads all solids as one mesh. What stands between them is passed over, unless it may be part of
+/// a facet.
 fn text(mut source: Vec<u8>) -> Result<Mesh, MeshError> {
     const STEPS: &str =
         "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
-    // Expected is: 0 a facet or the end of its solid, 1 its loop, 2 to 4 its vertices, 5 and 6 its ends, 7 a solid.
     source.make_ascii_lowercase();
-    let (mut vertices, mut triangles) = (Corners::new(Vec::new()), Vec::new());
-    let (mut expected, mut triangle, mut words) = (0, [0; 3], Vec::new());
-    for (line, text) in (2..).zip(source.split(|byte| *byte == b'\n').skip(1)) {
+    let (mut vertices, mut mesh) = (Corners::new(Vec::new()), Mesh::default());
+    let (mut facets, mut fans): (_, Vec<Fan>) = (0, Vec::new());
+    let (mut corners, mut words) = (Vec::new(), Vec::new());
+    let mut step = Step::Solid;
+    for (line, text) in lines(&source) {
         words.clear();
-        words.extend(text.split(|byte| !byte.is_ascii_graphic()).filter(|word| !word.is_empty()));
-        let facet = triangles.len() + 1;
-        let misread = || MeshError::new(format!("facet {facet} cannot be understood")).line(line).expected(STEPS);
-        expected = match (expected, &words[..]) {
-            (_, []) => expected,
-            (0 | 7, [b"facet", b"normal", _, _, _]) => 1,
-            (1, [b"outer", b"loop"]) => 2,
-            (2..=4, [b"vertex", x, y, z]) => {
-                let point = (|| Some(Vec3::new(number(x)?, number(y)?, number(z)?)))().ok_or_else(misread)?;
-                triangle[expected - 2] = vertices.vertex(point);
-                expected + 1
-            }
-            (5, [b"endloop"]) => 6,
-            (6, [b"endfacet"]) => {
-                triangles.push(triangle);
-                0
-            }
-            (0, [b"endsolid", ..]) => 7,
-            (0 | 7, [b"solid", ..]) => 0,
-            (7, [word, ..]) if *word != b"vertex" => 7,
-            _ => return Err(misread()),
-        };
+        let all = text.split(|byte| !byte.is_ascii_graphic()).filter(|word| !word.is_empty());
+        words.extend(all.take_while(|word| !word.starts_with(b"#")));
+        let mut rest = &words[..];
+        while let Some(statement) = rest.split_off(..statement_length(rest)).filter(|words| !words.is_empty()) {
+            let facet = facets + 1;
+            let misread = || {
+                MeshError::new(format!("facet {facet} cannot be understood")).line(line).expected(STEPS).of_text(text)
+            };
+            step = match (step, statement) {
+                (Step::Solid | Step::Facet, [b"facet"] | [b"facet", b"normal", ..]) => Step::Loop,
+                (Step::Loop, [b"outer", b"loop"]) => {
+                    corners.clear();
+                    Step::Vertex
+                }
+                (Step::Vertex | Step::EndLoop, [b"vertex", x, y, z]) => {
+                    corners.push(vertices.vertex_of_words([x, y, z]).ok_or_else(misread)?);
+                    if corners.len() < 3 { Step::Vertex } else { Step::EndLoop }
+                }
+                (Step::EndLoop, [b"endloop"] | [b"end", b"loop"]) => Step::EndFacet,
+                (Step::EndFacet, [b"endfacet"] | [b"end", b"facet"]) => {
+                    facets = facet;
+                    mesh.push_face(facet, &corners, &mut fans);
+                    Step::Facet
+                }
+                (Step::Facet, [b"endsolid", ..] | [b"end", b"solid", ..]) => Step::Solid,
+                (Step::Facet | Step::Solid, [b"solid", ..]) => Step::Facet,
+                // The name may follow at once.
+                (Step::Solid, [word, ..]) if facets == 0 && word.starts_with(b"solid") => Step::Facet,
+                (Step::Solid, [word, ..]) if *word != b"vertex" => Step::Solid,
+                _ => return Err(misread()),
+            };
+        }
     }
-    if expected != 7 {
-        return Err(MeshError::new(format!("the file ends in facet {}", triangles.len() + 1)).expected(STEPS));
+    if !matches!(step, Step::Solid | Step::Facet) {
+        return Err(MeshError::new(format!("the file ends in facet {}", facets + 1)).expected(STEPS));
     }
-    Ok(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() })
+    let is_cut = step == Step::Facet && facets > 0;
+    let whole = counted(facets, "whole facet", "whole facets");
+    mesh.notes.extend(is_cut.then(|| format!("the file ends after {whole}, without endsolid: it may be cut off")));
+    (mesh.vertices, mesh.origin) = vertices.vertices.finish();
+    mesh.cut(&fans)
+}
+
+/// How many words the first statement of a line has. Usually it has one alone, but some programs
+/// write all in one line, where the name of a solid ends before `facet normal`.
+fn statement_length(line: &[&[u8]]) -> usize {
+    let begins = |words: &[&[u8]]| {
+        matches!(
+            words,
+            [b"facet", b"normal", ..]
+                | [b"outer", b"loop", ..]
+                | [b"vertex" | b"endloop" | b"endfacet" | b"endsolid", ..]
+                | [b"end", b"loop" | b"facet" | b"solid", ..]
+        )
+    };
+    let has_name = !begins(line) || matches!(line, [b"endsolid", ..] | [b"end", b"solid", ..]);
+    let is_next = |at: &usize| match &line[*at..] {
+        [b"facet", b"normal", ..] => true,
+        words => !has_name && begins(words),
+    };
+    (1..line.len()).find(is_next).unwrap_or(line.len())
+}
+
+/// The lines of a text, with their numbers. In the files of old Macs carriage returns end them.
+fn lines(text: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+    let line_end = if text.contains(&b'\n') { b'\n' } else { b'\r' };
+    (1..).zip(text.split(move |byte| *byte == line_end))
 }
 
 #[cfg(test)]
@@ -170,7 +335,7 @@ mod tests {
     fn only_what_is_the_same_bit_by_bit_is_one_vertex() {
         let mut corners = Corners::new(Vec::new());
         let points = [Vec3::ZERO, -Vec3::ZERO, Vec3::X, Vec3::ZERO, Vec3::X, -Vec3::ZERO];
-        assert_eq!(points.map(|point| corners.vertex(point)), [0, 1, 2, 0, 2, 1]);
-        assert_eq!(corners.vertices, points[..3]);
+        assert_eq!(points.map(|point| corners.vertex(point, || point.as_dvec3())), [0, 1, 2, 0, 2, 1]);
+        assert_eq!(corners.vertices.finish().0, points[..3]);
     }
 }

@@ -2,16 +2,18 @@
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::fmt::{self, Display};
 use std::io::{self, Write};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
+use super::colour::{to_encoded, to_levels, to_linear, to_short_encoded};
 use super::{Mesh, MeshFormat};
-use crate::kernels::ColourRun;
 
 impl Mesh {
-    /// Writes the mesh in a format, exact to the last bit: PLY with a colour for each face, OBJ for each vertex, STL
-    /// without.
+    /// Writes the mesh in a format, exact to the last bit: PLY with a colour for each face, OBJ and
+    /// glTF for each vertex, STL without. Vertices far from 0 are doubles in PLY, have as many
+    /// digits as they need in OBJ and a node of their own in glTF, and lose some in STL.
     ///
     /// # Errors
     /// If writing to `out` fails.
@@ -20,6 +22,7 @@ impl Mesh {
             MeshFormat::Obj => self.write_obj(out),
             MeshFormat::Ply => self.write_ply(out),
             MeshFormat::Stl => self.write_stl(out),
+            MeshFormat::Gltf => self.write_gltf(out),
         }
     }
 
@@ -28,7 +31,8 @@ impl Mesh {
             return self.write_coloured_obj(out);
         }
         writeln!(out, "# {} vertices, {} triangles", self.vertices.len(), self.triangles.len())?;
-        for Vec3 { x, y, z } in &self.vertices {
+        for vertex in &self.vertices {
+            let [x, y, z] = self.coordinates(*vertex);
             writeln!(out, "v {x} {y} {z}")?;
         }
         for triangle in &self.triangles {
@@ -38,16 +42,21 @@ impl Mesh {
         Ok(())
     }
 
-    /// Colours follow the vertices, of which each has one: a vertex that triangles of different colours share becomes
-    /// several.
+    /// Colours follow the vertices, of which each has one: a vertex that triangles of different
+    /// colours share becomes several.
     fn write_coloured_obj(&self, out: &mut impl Write) -> io::Result<()> {
         let mut known = HashMap::new();
+        let mut last = ShortColour::of(Vec3::ONE);
         for (number, &triangle) in self.triangles.iter().enumerate() {
             let colour = self.colour(number);
+            if last.linear != colour {
+                last = ShortColour::of(colour);
+            }
             for corner in triangle {
                 let count = known.len() + 1;
                 if let Entry::Vacant(entry) = known.entry((corner, colour.to_array().map(f32::to_bits))) {
-                    let (Vec3 { x, y, z }, Vec3 { x: r, y: g, z: b }) = (self.vertices[corner as usize], colour);
+                    let [x, y, z] = self.coordinates(self.vertices[corner as usize]);
+                    let [r, g, b] = last.encoded;
                     writeln!(out, "v {x} {y} {z} {r} {g} {b}")?;
                     entry.insert(count);
                 }
@@ -60,38 +69,34 @@ impl Mesh {
 
     /// By hand: ply-rs-bw would need a map of named properties for each vertex.
     fn write_ply(&self, out: &mut impl Write) -> io::Result<()> {
+        let is_far = self.origin != DVec3::ZERO;
+        let kind = if is_far { "double" } else { "float" };
         write!(
             out,
             "ply\nformat binary_little_endian 1.0\n\
-             element vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+             element vertex {}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\n\
              element face {}\nproperty list uchar uint vertex_indices\n",
             self.vertices.len(),
             self.triangles.len()
         )?;
-        // Levels as other programs expect them, if that loses nothing.
-        let levels = |colour: Vec3| colour.to_array().map(|channel| (channel * 255.0).round() as u8);
-        let in_levels =
-            |(_, colour): &ColourRun| levels(*colour).map(|level| f32::from(level) / 255.0) == colour.to_array();
-        let of_levels = self.colours.iter().all(in_levels);
+        let channels = Channels::of(self.colours.iter().map(|(_, colour)| *colour));
         if !self.colours.is_empty() {
-            let kind = if of_levels { "uchar" } else { "float" };
+            let kind = channels.name();
             write!(out, "property {kind} red\nproperty {kind} green\nproperty {kind} blue\n")?;
         }
         out.write_all(b"end_header\n")?;
         for vertex in &self.vertices {
-            out.write_all(vertex.to_array().map(f32::to_le_bytes).as_flattened())?;
+            if is_far {
+                out.write_all(self.place(*vertex).to_array().map(f64::to_le_bytes).as_flattened())?;
+            } else {
+                out.write_all(vertex.to_array().map(f32::to_le_bytes).as_flattened())?;
+            }
         }
         for (number, triangle) in self.triangles.iter().enumerate() {
             out.write_all(&[3])?;
             out.write_all(triangle.map(u32::to_le_bytes).as_flattened())?;
-            if self.colours.is_empty() {
-                continue;
-            }
-            let colour = self.colour(number);
-            if of_levels {
-                out.write_all(&levels(colour))?;
-            } else {
-                out.write_all(colour.to_array().map(f32::to_le_bytes).as_flattened())?;
+            if !self.colours.is_empty() {
+                channels.write(self.colour(number), out)?;
             }
         }
         Ok(())
@@ -101,12 +106,100 @@ impl Mesh {
         out.write_all(&[0; 80])?;
         out.write_all(&(self.triangles.len() as u32).to_le_bytes())?;
         for &triangle in &self.triangles {
-            let [a, b, c] = self.corners(triangle);
+            let [mut a, mut b, mut c] = self.corners(triangle);
             let normal = (b - a).as_dvec3().cross((c - a).as_dvec3()).normalize_or_zero().as_vec3();
+            if self.origin != DVec3::ZERO {
+                [a, b, c] = [a, b, c].map(|corner| self.place(corner).as_vec3());
+            }
             let points = [normal, a, b, c].map(|it| it.to_array().map(f32::to_le_bytes));
             out.write_all(points.as_flattened().as_flattened())?;
             out.write_all(&[0; 2])?;
         }
         Ok(())
+    }
+}
+
+impl Mesh {
+    /// Where a vertex is in the file's own coordinates.
+    fn place(&self, vertex: Vec3) -> DVec3 {
+        self.origin + vertex.as_dvec3()
+    }
+
+    /// The coordinates of a vertex in a text.
+    fn coordinates(&self, vertex: Vec3) -> [Coordinate; 3] {
+        [0, 1, 2].map(|axis| Coordinate { origin: self.origin[axis], offset: vertex[axis] })
+    }
+}
+
+/// A coordinate in a text: as few digits as give the offset again, if they are read relative to the
+/// same origin.
+struct Coordinate {
+    origin: f64,
+    offset: f32,
+}
+
+impl Display for Coordinate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Coordinate { origin, offset } = *self;
+        if origin == 0.0 {
+            return write!(f, "{offset}");
+        }
+        let exact = origin + f64::from(offset);
+        let is_enough = |text: &String| text.parse().is_ok_and(|number: f64| (number - origin) as f32 == offset);
+        let short = (0..=12).map(|decimals| format!("{exact:.decimals$}")).find(is_enough);
+        f.write_str(&short.unwrap_or_else(|| exact.to_string()))
+    }
+}
+
+/// A colour, and its numbers in a text.
+struct ShortColour {
+    linear: Vec3,
+    encoded: [f64; 3],
+}
+
+impl ShortColour {
+    fn of(linear: Vec3) -> Self {
+        ShortColour { linear, encoded: linear.to_array().map(to_short_encoded) }
+    }
+}
+
+/// How PLY holds the channels of colours.
+#[derive(Clone, Copy)]
+enum Channels {
+    /// As most programs expect them.
+    Levels,
+    Floats,
+    Doubles,
+}
+
+impl Channels {
+    /// The smallest ones in which these colours are exact.
+    fn of(colours: impl Iterator<Item = Vec3> + Clone) -> Self {
+        let is_float = |linear: f32| to_linear((to_encoded(linear) as f32).into()) == linear;
+        if colours.clone().all(|colour| to_levels(colour).is_some()) {
+            Channels::Levels
+        } else if colours.flat_map(|colour| colour.to_array()).all(is_float) {
+            Channels::Floats
+        } else {
+            Channels::Doubles
+        }
+    }
+
+    /// The name of their type in a header.
+    fn name(self) -> &'static str {
+        match self {
+            Channels::Levels => "uchar",
+            Channels::Floats => "float",
+            Channels::Doubles => "double",
+        }
+    }
+
+    fn write(self, colour: Vec3, out: &mut impl Write) -> io::Result<()> {
+        let encoded = colour.to_array().map(to_encoded);
+        match self {
+            Channels::Levels => out.write_all(&to_levels(colour).expect("all colours are levels")),
+            Channels::Floats => out.write_all(encoded.map(|value| (value as f32).to_le_bytes()).as_flattened()),
+            Channels::Doubles => out.write_all(encoded.map(f64::to_le_bytes).as_flattened()),
+        }
     }
 }

@@ -1,0 +1,31 @@
+//! The commit that the program was built from.
+
+/// The log of commits checked out, whose last line names the current one; None if the program was
+/// not built in a repository.
+const LOG: Option<&[u8]> = include!(concat!(env!("OUT_DIR"), "/log.rs"));
+
+/// The first digits of the current commit's name: each line of the log begins with the name of the
+/// commit before, a space, and the name of the new one.
+static COMMIT: Option<[u8; 12]> = match LOG {
+    Some(log) => commit(log),
+    None => None,
+};
+
+const fn commit(log: &[u8]) -> Option<[u8; 12]> {
+    let mut begin = log.len().saturating_sub(1);
+    while begin > 0 && log[begin - 1] != b'\n' {
+        begin -= 1;
+    }
+    while begin < log.len() && log[begin] != b' ' {
+        begin += 1;
+    }
+    match log.split_at(begin).1 {
+        [b' ', rest @ ..] => rest.first_chunk().copied(),
+        _ => None,
+    }
+}
+
+/// The first digits of the commit's name; None for a build from a package.
+pub fn name() -> Option<&'static str> {
+    std::str::from_utf8(COMMIT.as_ref()?).ok()
+}

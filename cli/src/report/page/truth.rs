@@ -1,0 +1,155 @@
+//! How accurate the engines are: error against run time, and the map of stiff and extreme scenes.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::{Section, figure, section, small_figure};
+use rayo_lab::experiments::accuracy::plot;
+use rayo_lab::experiments::report::{Results, Stage};
+use rayo_lab::experiments::stability::plot::{SHADES, shade};
+use rayo_lab::experiments::stability::{Cell, StabilityReport};
+use rayo_lab::experiments::svg::{PlotError, Screen};
+use rayo_lab::families::family;
+
+/// One panel large, the others to be opened.
+pub fn accuracy(results: &Results) -> Result<Section, PlotError> {
+    section(results, Stage::Accuracy, "Error against run time", "accuracy", &results.accuracy, |document| {
+        let panels = plot::panels(&document.rows);
+        // Of all scenes the far spheres show most: there the paper's formula loses its digits.
+        let chosen = panels.iter().position(|(title, _)| title.starts_with("S1")).unwrap_or(0);
+        Ok(html! {
+            @if let Some(panel) = panels.get(chosen) { (figure(|screen| plot::one_figure(panel, screen), &label(&panel.0))?) }
+            @for (_, panel) in panels.iter().enumerate().filter(|(place, _)| *place != chosen) {
+                details {
+                    summary { (panel.0) }
+                    (small_figure(&plot::one_figure(panel, Screen::Narrow)?, &label(&panel.0)))
+                }
+            }
+        })
+    })
+}
+
+fn label(scene: &str) -> String {
+    format!("Error of a linear colour against nanoseconds a ray: {scene}.")
+}
+
+/// Families down, engines across; each family opens to the values of its parameter.
+pub fn stability(results: &Results) -> Result<Section, PlotError> {
+    section(results, Stage::Stability, "Stiff and extreme scenes", "stability", &results.stability, |document| {
+        Ok(html! {
+            ul.legend { @for (place, (label, _)) in SHADES.iter().enumerate() { li { span.swatch.(shade_class(place)) {} (label) } } }
+            (map(document))
+        })
+    })
+}
+
+/// The shade of most cells, which the style sheet gives to cells without a class.
+const USUAL: usize = 1;
+
+fn shade_class(shade: usize) -> String {
+    format!("s{shade}")
+}
+
+fn map(document: &StabilityReport) -> Markup {
+    let mut contenders: Vec<(&str, &str)> = Vec::new();
+    for cell in &document.cells {
+        if !contenders.contains(&cell.contender()) {
+            contenders.push(cell.contender());
+        }
+    }
+    let families: Vec<&[Cell]> = document.cells.chunk_by(|a, b| a.family == b.family).collect();
+    let head = |first: &str| {
+        html! {
+            thead { tr { th.left scope="col" { (first) } @for (engine, precision) in &contenders {
+                th scope="col" { span { (engine) " " (precision) } }
+            } } }
+        }
+    };
+    html! {
+        div.scroll tabindex="0" {
+            table.map {
+                (head("family"))
+                tbody {
+                    @for cells in &families {
+                        tr style=(command(&cells[0].family, document)) {
+                            th.left scope="row" { a href={ "#family-" (cells[0].family) } { (cells[0].family) } }
+                            @for contender in &contenders { (worst(cells, *contender)) }
+                        }
+                    }
+                }
+            }
+        }
+        @for cells in &families {
+            details id={ "family-" (cells[0].family) } style=(command(&cells[0].family, document)) {
+                summary {
+                    b { (cells[0].family) }
+                    @if let Some(family) = family(&cells[0].family) { ": " (family.name) " - " (family.parameter) }
+                }
+                @if let Some(family) = family(&cells[0].family) { p { "Correct: " (family.correct) "." } }
+                div.scroll {
+                    table.map {
+                        (head("value"))
+                        tbody {
+                            @for level in levels(cells) {
+                                tr {
+                                    th.left scope="row" { (level[0].value) }
+                                    @for contender in &contenders {
+                                        @match level.iter().find(|cell| cell.contender() == *contender) {
+                                            Some(cell) => { (shown(cell, true)) }
+                                            None => { td {} }
+                                        }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The cells of each value, from the first to the last.
+fn levels(cells: &[Cell]) -> Vec<Vec<&Cell>> {
+    let mut levels: BTreeMap<usize, Vec<&Cell>> = BTreeMap::new();
+    for cell in cells {
+        levels.entry(cell.level).or_default().push(cell);
+    }
+    levels.into_values().collect()
+}
+
+fn worst(cells: &[Cell], contender: (&str, &str)) -> Markup {
+    let own = cells.iter().filter(|cell| cell.contender() == contender);
+    let badness = |cell: &&Cell| (shade(cell), cell.wrong_hits.max(cell.off_by_2), cell.bound_share.unwrap_or(0.0));
+    let worst = own.max_by(|a, b| badness(a).partial_cmp(&badness(b)).unwrap_or(std::cmp::Ordering::Equal));
+    worst.map_or_else(|| html! { td {} }, |cell| shown(cell, false))
+}
+
+/// The command that repeats a cell of the family, in two parts: before its engine, and after its
+/// case. The style sheet joins them where the focus or the pointer is, since thousands of cells
+/// share them.
+fn command(family: &str, document: &StabilityReport) -> String {
+    // The name may come from a file, and must not end the quotes.
+    let family: String = family.chars().filter(char::is_ascii_alphanumeric).collect();
+    let quick = if document.quick { " --quick" } else { "" };
+    let seed = document.seed;
+    format!("--before:'rayo stability --family {family} --engine ';--after:' --seed {seed}{quick}'")
+}
+
+/// A cell: its figure, and the engine and the case of the command that shows it again.
+fn shown(cell: &Cell, focus: bool) -> Markup {
+    let shade = shade(cell);
+    let wrong = cell.wrong_hits.max(cell.off_by_2) as f64 / cell.rays.max(1) as f64;
+    let figure = match (shade, cell.bound_share) {
+        (4.., _) if wrong < 1e-3 => format!("{:.0e}", wrong),
+        (4.., _) => format!("{:.1} %", 100.0 * wrong),
+        (_, Some(share)) if share < 100.0 => format!("{share:.2}"),
+        (_, Some(share)) => format!("{share:.0e}"),
+        (_, None) => "-".to_owned(),
+    };
+    html! {
+        td class=[(shade != USUAL).then(|| shade_class(shade))] data-engine=(cell.engine) data-case=(cell.worst_case)
+            tabindex=[focus.then_some("0")] { (figure) }
+    }
+}

@@ -1,0 +1,12 @@
+; dot_one_haddps.asm - a dot product that forgets the second haddps.
+
+default rel
+section .text
+global dot
+dot:
+    movaps  xmm0, [rsi]
+    movaps  xmm1, [rdx]
+    mulps   xmm0, xmm1
+    haddps  xmm0, xmm0
+    movss   [rdi], xmm0
+    ret

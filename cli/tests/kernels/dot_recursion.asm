@@ -1,0 +1,8 @@
+; dot_recursion.asm - calls without an end.
+
+default rel
+section .text
+global dot
+dot:
+    call    dot
+    ret

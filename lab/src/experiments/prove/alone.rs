@@ -1,0 +1,351 @@
+//! Macros of the tracers by themselves as subjects of proofs: each with its inputs and its twin.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::mem::offset_of;
+
+use super::operations::{A, ARGUMENT_REGISTERS, B, OUT};
+use super::symbol::{Carrier, Symbol};
+use super::{InputNumber, ResultNumber, Subject};
+use crate::experiments::step::model::Number as Format;
+use rayo::internals::kernels::harness::lanes::{self, Lanes, Packet};
+use rayo::internals::kernels::harness::nearest::{self, Planes};
+use rayo::internals::kernels::harness::set_up::{self, Volume};
+use rayo::internals::kernels::harness::shadows::{self, Asked};
+use rayo::internals::kernels::harness::{rows, shade, spheres};
+use rayo::internals::kernels::{
+    self, Alone, CasterEdges, Isa, LitSphere, ObjectLight, Plain, ShortLight, SphereArrays, SphereCaster, SpherePlanes,
+    SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+};
+use rayo::internals::render::Precision;
+
+/// The macros that a function of asm/ops/alone.asm is made of.
+fn macros_of(name: &str) -> &'static [&'static str] {
+    match name {
+        "cross3_unfused" => &["CROSS3_UNFUSED"],
+        "dot3_unfused" => &["DOT3_UNFUSED"],
+        "cosine" => &["COSINE"],
+        "triangle_cosine" => &["TRIANGLE_COSINE"],
+        "normal_over_t" => &["SPHERE_ROOT", "NORMAL_OVER_T"],
+        "sphere_cosine" => &["SPHERE_COSINE"],
+        "around_normal" => &["AROUND_NORMAL"],
+        "around_cosine" => &["AROUND_COSINE"],
+        "short_cosine" => &["SHORT_COSINE"],
+        "triangle_at" => &["PLANE_ROW", "PLANE_AT", "TRIANGLE_AT"],
+        "sphere_at" => &["SPHERE_ROW", "SPHERE_D_AT", "SPHERE_INVERSE_AT"],
+        "sphere_lit" => &["SPHERE_LIT"],
+        "silhouette" => &["SILHOUETTE"],
+        "sphere_box" => &["SPHERE_BOX"],
+        "reach" => &["REACH"],
+        "pixels_between" => &["PIXELS_BETWEEN"],
+        "length_of" => &["LENGTH_OF"],
+        "better_corner" => &["BETTER_CORNER"],
+        "triangle_volume" => &["TRIANGLE_VOLUME", "NORMAL_PART"],
+        "triangle_edge" => &["TRIANGLE_EDGE"],
+        "least_and_most" => &["LEAST_AND_MOST"],
+        "outside_triangle" => &["IF_OUTSIDE_TRIANGLE", "IF_OUTSIDE_EDGE", "ONE_TERM"],
+        "outside_sphere" => &["IF_OUTSIDE_SPHERE", "ONE_SQUARE"],
+        "caster_edge" => &["EDGE_OF_CASTER"],
+        "triangle_hides" => &["TRIANGLE_HIDES"],
+        "sphere_hides" => &["SPHERE_HIDES"],
+        _ => panic!("the function `{name}` needs its macros in lab/src/experiments/prove/alone.rs"),
+    }
+}
+
+/// All fields of a record of at most this many bytes are inputs of a proof; of a larger one, only
+/// those that the twin reads.
+const MOST_FIELDS: usize = 256;
+
+/// The arguments of a twin: packets by their index (`a`), and the numbers of a record by their
+/// offsets, in the format of elements (`number`) or, for some even where elements are f64, in f32
+/// (`single`).
+struct Arguments<'a, L: Lanes> {
+    a: &'a dyn Fn(usize) -> L,
+    number: &'a dyn Fn(usize) -> L::Number,
+    single: &'a dyn Fn(usize) -> f32,
+}
+
+impl<L: Lanes> Arguments<'_, L> {
+    fn three(&self, first: usize) -> [L; 3] {
+        [0, 1, 2].map(|i| (self.a)(first + i))
+    }
+}
+
+/// Makes a record. The fields named are numbers of the arguments, and the others are 0. With `first
+/// of` the fields are arrays, of which only the first element is set.
+macro_rules! record {
+    ($arguments:ident, $type:ty: $($field:ident)*) => {{
+        let mut record = <$type>::ZERO;
+        $(record.$field = ($arguments.number)(offset_of!($type, $field));)*
+        record
+    }};
+    ($arguments:ident, first of $type:ty: $($field:ident)*) => {{
+        let mut record = <$type>::ZERO;
+        $(record.$field[0] = ($arguments.number)(offset_of!($type, $field));)*
+        record
+    }};
+}
+
+/// The results of the twins of macros that are used in both formats.
+fn in_both<L: Lanes>(name: &str, arguments: &Arguments<'_, L>) -> Vec<L> {
+    let a = arguments.a;
+    let point = || [0, 1, 2].map(|i| (arguments.number)(i * size_of::<L::Number>()));
+    let light = |[x, y, z]: [L::Number; 3]| [x, y, z, L::Number::ZERO];
+    match name {
+        "cross3_unfused" => lanes::cross_unfused(arguments.three(0), arguments.three(3)).to_vec(),
+        "dot3_unfused" => vec![lanes::dot_unfused(arguments.three(0), arguments.three(3))],
+        "cosine" => vec![shade::cosine(a(0), a(1))],
+        "triangle_cosine" => vec![shade::triangle_cosine(a(0), a(1), arguments.three(2), &light(point()))],
+        "normal_over_t" => {
+            let sphere = record!(arguments, TileSphere<L::Number>: dx dxy dxx dy dyy d0
+                mx mxx mxy my myx myy mz mzx mzy ux uy uz);
+            shade::normal_over_t(&sphere, a(0), a(1)).to_vec()
+        }
+        "sphere_cosine" => {
+            let light = record!(arguments, ObjectLight<L::Number>: x y z);
+            vec![shade::sphere_cosine([a(1), a(2), a(3)], a(0), &light)]
+        }
+        "around_normal" => {
+            let sphere = record!(arguments, TileSphere<L::Number>: ux uy uz mx);
+            shade::around_normal(&sphere, a(0), arguments.three(1)).to_vec()
+        }
+        "around_cosine" => vec![shade::around_cosine(arguments.three(4), a(0), arguments.three(1), &light(point()))],
+        "short_cosine" => {
+            let light = record!(arguments, ShortLight<L::Number>: q0 qx qy kn ke);
+            vec![shade::short_cosine(&light, a(0), [a(1), a(2)])]
+        }
+        "triangle_at" => {
+            let planes = record!(arguments, first of TrianglePlanes<L::Number>: e10 e1x e1y e20 e2x e2y e30 e3x e3y
+                t0 tx ty most);
+            let row = Planes::<L>::row(&planes, 0, a(1), [0.0; 2]);
+            let measure = <TrianglePlanes<L::Number> as Planes<L>>::measure(row, a(0));
+            vec![measure, <TrianglePlanes<L::Number> as Planes<L>>::inverse(row, a(0), measure)]
+        }
+        "sphere_at" => {
+            let planes = record!(arguments, first of SpherePlanes<L::Number>: d0 dx dy dxx dxy dyy h hx hy most);
+            let row = nearest::sphere_row(&planes, 0, a(1));
+            let d = nearest::sphere_d(row.d, a(0));
+            vec![d, nearest::sphere_inverse(row.h, a(0), d, L::all(planes.most[0]))]
+        }
+        "sphere_lit" => {
+            let sphere = &record!(arguments, LitSphere<L::Number>: h1 q1 kn ke);
+            let j = L::Number::ZERO;
+            vec![rows::Span::<L, false> { sphere, j, m: a(1), a: a(2), h0: a(3), q0: a(4) }.light(a(0))]
+        }
+        "caster_edge" => {
+            let offsets = [offset_of!(CasterEdges, a1), offset_of!(CasterEdges, b1), offset_of!(CasterEdges, c1)];
+            vec![shadows::caster_edge(offsets.map(arguments.number).map(L::all), a(0), a(1))]
+        }
+        _ => panic!("the function `{name}` needs a twin in lab/src/experiments/prove/alone.rs"),
+    }
+}
+
+/// The offsets of the coordinates of each of a triangle's corners.
+const CORNER_OFFSETS: [[usize; 3]; 3] = [
+    [offset_of!(TriangleArrays, ax), offset_of!(TriangleArrays, ay), offset_of!(TriangleArrays, az)],
+    [offset_of!(TriangleArrays, bx), offset_of!(TriangleArrays, by), offset_of!(TriangleArrays, bz)],
+    [offset_of!(TriangleArrays, cx), offset_of!(TriangleArrays, cy), offset_of!(TriangleArrays, cz)],
+];
+
+/// The results of the twins of macros that are used in f64 alone.
+fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -> Vec<W> {
+    let a = arguments.a;
+    let view = |field: usize| W::all((arguments.number)(field));
+    let width = || view(offset_of!(SphereView<f64>, width));
+    let singles = |offsets: [usize; 3]| offsets.map(|offset| W::of((arguments.single)(offset).into()));
+    let truth = |holds: bool| vec![W::of(f64::from(u8::from(holds)))];
+    match name {
+        "silhouette" => spheres::silhouette(a(0), a(1), a(2)).to_vec(),
+        "sphere_box" => {
+            let view = record!(arguments, SphereView<f64>: focal step half_width half_height);
+            spheres::outline(&view, arguments.three(0)).concat()
+        }
+        "reach" => vec![spheres::reach([a(0), a(1)], a(2), width())],
+        "pixels_between" => {
+            spheres::pixels_between([a(0), a(1)], (arguments.number)(offset_of!(SphereView<f64>, width))).to_vec()
+        }
+        "length_of" => vec![lanes::dot_unfused(arguments.three(0), arguments.three(0)).sqrt()],
+        "better_corner" => vec![set_up::better_corner([0, 3, 6].map(|first| arguments.three(first))).and(W::of(1.0))],
+        "triangle_volume" => {
+            let [v, to_b, to_c] = [0, 3, 6].map(|first| arguments.three(first));
+            let Volume { normal: [x, y, z], volume, seen_from_a_side } = Volume::new(v, to_b, to_c);
+            vec![x, y, z, volume, seen_from_a_side.and(W::of(1.0))]
+        }
+        "triangle_edge" => {
+            let view = record!(arguments, TileView<f64>: dx dy dz step down bound_x bound_y bound_z bound_0);
+            set_up::edge(&view, arguments.three(0), arguments.three(3), W::of(0.0).with_sign_of(a(6))).to_vec()
+        }
+        "least_and_most" => shadows::least_and_most(arguments.three(0)).to_vec(),
+        "outside_triangle" => {
+            let corners = CORNER_OFFSETS.map(singles);
+            truth(nearest::is_in_triangle(corners, a(3), arguments.three(0)))
+        }
+        "outside_sphere" => {
+            let offsets = [offset_of!(SphereArrays, x), offset_of!(SphereArrays, y), offset_of!(SphereArrays, z)];
+            let radius = W::of((arguments.single)(offset_of!(SphereArrays, radius)).into());
+            truth(nearest::is_in_sphere(singles(offsets), radius, arguments.three(0)))
+        }
+        "triangle_hides" => {
+            let caster = record!(arguments, TriangleCaster<f64>: e1x e1y e1z e10 e2x e2y e2z e20 e3x e3y e3z e30
+                px py pz p0 bound own);
+            let points = Asked { p: arguments.three(0), size: a(3), own: a(4), g: [W::of(0.0); 3] };
+            vec![shadows::triangle_hides(&caster, &points).and(W::of(1.0))]
+        }
+        "sphere_hides" => {
+            let caster = record!(arguments, SphereCaster<f64>: x y z ux uy uz wx wy wz k lx ly lz far r2 side most past
+                bound own);
+            let points = Asked { p: arguments.three(0), size: a(6), own: a(7), g: arguments.three(3) };
+            vec![shadows::sphere_hides(&caster, &points).and(W::of(1.0))]
+        }
+        _ => in_both(name, arguments),
+    }
+}
+
+/// All functions of asm/ops/alone.asm as subjects.
+pub fn all() -> Vec<Subject> {
+    kernels::alone().map(subject).collect()
+}
+
+fn subject(alone: &'static Alone) -> Subject {
+    let of = match (alone.element, alone.isa) {
+        (4, Isa::Sse41) => of_element::<f32, Symbol<f32, false>, Packet<f32, 1, false>>,
+        (4, _) => of_element::<f32, Symbol<f32, true>, Packet<f32, 1, true>>,
+        (_, Isa::Sse41) => of_double::<Symbol<f64, false>, Packet<f64, 1, false>>,
+        _ => of_double::<Symbol<f64, true>, Packet<f64, 1, true>>,
+    };
+    of(alone)
+}
+
+fn of_element<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(alone: &'static Alone) -> Subject {
+    of_twins::<E, S, P>(alone, in_both::<S>, in_both::<P>)
+}
+
+fn of_double<S: Lanes<Number = f64>, P: Lanes<Number = f64>>(alone: &'static Alone) -> Subject {
+    of_twins::<f64, S, P>(alone, in_double::<S>, in_double::<P>)
+}
+
+type Twin<L> = fn(&str, &Arguments<'_, L>) -> Vec<L>;
+
+/// A number of a record.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Field {
+    offset: usize,
+    bytes: usize,
+}
+
+/// The name of a record's number as an input.
+fn field_name(offset: usize) -> String {
+    format!("record{offset}")
+}
+
+/// The name of a lane of an input packet.
+fn lane_name(packet: usize, lane: usize) -> String {
+    format!("a{packet}@{lane}")
+}
+
+/// Where a lane of a packet is in an array of packets, in bytes.
+fn lane_offset(alone: &Alone, packet: usize, lane: usize) -> usize {
+    packet * alone.packet_bytes() + lane * alone.element
+}
+
+/// Makes a subject from its twin over symbols, to be compared, and the same twin over numbers,
+/// which shows what it reads of the record.
+fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
+    alone: &'static Alone,
+    twin: Twin<S>,
+    on_numbers: Twin<P>,
+) -> Subject {
+    let lanes = alone.packet_bytes() / alone.element;
+    let name = alone.name;
+    // IF_OUTSIDE_TRIANGLE and IF_OUTSIDE_SPHERE jump, and so decide for the first lane only.
+    let compared_lanes = if name.starts_with("outside") { 1 } else { lanes };
+    let fields = fields_read::<E, P>(alone, on_numbers);
+    let mut inputs = Vec::new();
+    for field in &fields {
+        let format = if field.bytes == 8 { Format::Double } else { Format::Single };
+        inputs.push(InputNumber { address: B + field.offset as u64, format, name: field_name(field.offset) });
+    }
+    for lane in 0..lanes {
+        for packet in 0..alone.inputs {
+            let address = A + lane_offset(alone, packet, lane) as u64;
+            inputs.push(InputNumber { address, format: E::FORMAT, name: lane_name(packet, lane) });
+        }
+    }
+    let result = |packet: usize, lane: usize| ResultNumber {
+        address: OUT + lane_offset(alone, packet, lane) as u64,
+        format: E::FORMAT,
+    };
+    let results = (0..compared_lanes).map(|lane| (0..alone.outputs).map(|packet| result(packet, lane)).collect());
+    let twin = move |lane: usize| {
+        let a = |packet: usize| S::all(E::named(&lane_name(packet, lane)));
+        let number = |offset: usize| E::named(&field_name(offset));
+        let single = |offset: usize| f32::named(&field_name(offset));
+        let results = twin(name, &Arguments { a: &a, number: &number, single: &single });
+        results.into_iter().map(|result| result.lane(0).node()).collect()
+    };
+    let call = move |given: &dyn Fn(&str) -> u64| call_on_bits(alone, &fields, compared_lanes, given);
+    Subject {
+        name,
+        form: "macros",
+        isa: alone.isa,
+        precision: if alone.element == 4 { Precision::Single } else { Precision::Double },
+        macros: macros_of(name),
+        symbol: alone.symbol(),
+        address: alone.address(),
+        registers: vec![(ARGUMENT_REGISTERS[0], B), (ARGUMENT_REGISTERS[1], A), (ARGUMENT_REGISTERS[2], OUT)],
+        inputs,
+        results: results.collect(),
+        twin: Box::new(twin),
+        call: if alone.isa.usable() { Some(Box::new(call)) } else { None },
+    }
+}
+
+/// The numbers of the record that a function may read: those that its twin reads and, of a small
+/// record, all, since the function may read some on which its result does not depend.
+fn fields_read<E: Carrier, P: Lanes<Number = E>>(alone: &Alone, twin: Twin<P>) -> Vec<Field> {
+    let read = RefCell::new(BTreeSet::new());
+    let single = |offset: usize| -> f32 {
+        read.borrow_mut().insert(Field { offset, bytes: 4 });
+        1.0
+    };
+    let number = |offset: usize| -> E {
+        read.borrow_mut().insert(Field { offset, bytes: alone.element });
+        E::from_f64(1.0)
+    };
+    twin(alone.name, &Arguments { a: &|_| P::of(1.0), number: &number, single: &single });
+    let mut fields = read.into_inner();
+    if alone.record <= MOST_FIELDS {
+        let offsets = (0..alone.record).step_by(alone.element);
+        fields.extend(offsets.map(|offset| Field { offset, bytes: alone.element }));
+    }
+    fields.into_iter().collect()
+}
+
+/// Calls a function on inputs, whose bits `given` has by their names, and returns the bits of its
+/// results in the first lanes, as many as are compared.
+fn call_on_bits(alone: &Alone, fields: &[Field], compared_lanes: usize, given: &dyn Fn(&str) -> u64) -> Vec<u64> {
+    let mut record = vec![0; alone.record];
+    for &Field { offset, bytes } in fields {
+        let bits = given(&field_name(offset));
+        record[offset..offset + bytes].copy_from_slice(&bits.to_le_bytes()[..bytes]);
+    }
+    let mut packets = vec![0; alone.inputs * alone.packet_bytes()];
+    for packet in 0..alone.inputs {
+        for lane in 0..alone.packet_bytes() / alone.element {
+            let offset = lane_offset(alone, packet, lane);
+            let bits = given(&lane_name(packet, lane));
+            packets[offset..offset + alone.element].copy_from_slice(&bits.to_le_bytes()[..alone.element]);
+        }
+    }
+    let out = alone.call(&record, &packets);
+    let mut results = Vec::new();
+    for lane in 0..compared_lanes {
+        for packet in 0..alone.outputs {
+            let offset = lane_offset(alone, packet, lane);
+            let mut word = [0; 8];
+            word[..alone.element].copy_from_slice(&out[offset..offset + alone.element]);
+            results.push(u64::from_le_bytes(word));
+        }
+    }
+    results
+}

@@ -1,0 +1,22 @@
+//! Measuring: clocks, statistics, counted instructions, the machine, crashes in words, and the
+//! comparison of pictures.
+
+use std::borrow::Cow;
+
+pub mod compare;
+mod core_clock;
+pub mod crash;
+pub mod instructions;
+mod interleave;
+mod machine;
+pub mod source;
+pub mod statistics;
+mod watch;
+
+pub use core_clock::{core_cycles, core_cycles_per_tick};
+pub use interleave::{Clock, MachineClock, OFF_BY_MAD, Runs, Scripted, Work, enough, interleave};
+pub use machine::{Machine, cpu_name, set_commit};
+pub use watch::Watch;
+
+/// A name in a document: one that the program has, or that it read.
+pub type Name = Cow<'static, str>;

@@ -1,0 +1,241 @@
+//! Accessors of glTF: numbers of any type in the bytes of a buffer, checked against its length
+//! before any is read.
+
+use ::gltf::json::accessor::{ComponentType, Type};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{Accessor, Root};
+
+use super::buffers::Buffers;
+use super::missing;
+use crate::scene::MeshError;
+
+/// The elements of an accessor, all of which are within their bytes.
+pub(super) struct Elements<'a> {
+    /// None where all elements are zeros, but for those that are replaced.
+    bytes: Option<&'a [u8]>,
+    stride: usize,
+    pub count: usize,
+    component: ComponentType,
+    components: usize,
+    normalized: bool,
+    replaced: Option<Replaced<'a>>,
+}
+
+/// The elements of a sparse accessor that are not in its own bytes.
+struct Replaced<'a> {
+    /// Their indices, in ascending order.
+    indices: Vec<u32>,
+    values: &'a [u8],
+}
+
+/// A part of the bytes of a view.
+struct Run {
+    view: usize,
+    offset: u64,
+    /// The bytes from one element to the next.
+    stride: usize,
+    /// The bytes of an element.
+    size: usize,
+    count: usize,
+}
+
+/// What an accessor may hold for a purpose.
+pub(super) struct Kind {
+    pub types: &'static [Type],
+    pub components: &'static [ComponentType],
+    /// What these are called in errors.
+    pub expected: &'static str,
+}
+
+impl Kind {
+    /// Places; with KHR_mesh_quantization in integers, too.
+    pub(super) const PLACES: Kind = Kind {
+        types: &[Type::Vec3],
+        components: &[ComponentType::F32, ComponentType::I8, ComponentType::U8, ComponentType::I16, ComponentType::U16],
+        expected: "VEC3 of floats, or of integers of up to 16 bits",
+    };
+    pub(super) const COLOURS: Kind = Kind {
+        types: &[Type::Vec3, Type::Vec4],
+        components: &[ComponentType::F32, ComponentType::U8, ComponentType::U16],
+        expected: "VEC3 or VEC4 of floats, or of unsigned integers of up to 16 bits",
+    };
+    pub(super) const INDICES: Kind = Kind {
+        types: &[Type::Scalar],
+        components: &[ComponentType::U8, ComponentType::U16, ComponentType::U32],
+        expected: "SCALAR of unsigned integers",
+    };
+}
+
+/// The most elements of an accessor without bytes, all of which are zeros.
+const MOST_ZEROS: u64 = 1 << 20;
+
+/// The elements of an accessor for a purpose; `owner` is what refers to it.
+pub(super) fn elements<'b>(
+    root: &Root,
+    buffers: &'b mut Buffers<'_>,
+    index: usize,
+    kind: &Kind,
+    owner: &str,
+) -> Result<Elements<'b>, MeshError> {
+    let name = format!("accessors[{index}]");
+    let Some(accessor) = root.accessors.get(index) else {
+        return Err(missing(owner, "accessors", index, root.accessors.len()));
+    };
+    let wrong = || MeshError::new(format!("{name}, of {owner}, is of another type")).expected(kind.expected);
+    let (Checked::Valid(component), Checked::Valid(of)) = (accessor.component_type, accessor.type_) else {
+        return Err(wrong());
+    };
+    let component = component.0;
+    if !kind.types.contains(&of) || !kind.components.contains(&component) {
+        return Err(wrong());
+    }
+    let components = of.multiplicity();
+    let size = components * component.size();
+    let count = usize::try_from(accessor.count.0).unwrap_or(usize::MAX);
+    if count == 0 {
+        return Err(MeshError::new(format!("{name}, of {owner}, has no elements")).expected("at least one"));
+    }
+    let own = own_run(accessor, buffers, size, count);
+    let replaced = replaced_runs(accessor, size, &name)?;
+    // All buffers are read before any of them is borrowed.
+    for run in own.iter().chain(replaced.iter().flatten()) {
+        buffers.load(run.view, &name)?;
+    }
+    let buffers = &*buffers;
+    if own.is_none() && (replaced.is_none() || accessor.count.0 > MOST_ZEROS) {
+        let fault = MeshError::new(format!("{name}, of {owner}, has no bytes for its {count} elements"));
+        let is_compressed = root.extensions_used.iter().any(|used| used.ends_with("_compression"));
+        let then = if is_compressed { ": decompress the file first" } else { "" };
+        return Err(fault.expected(format!("a bufferView{then}")));
+    }
+    let stride = own.as_ref().map_or(size, |run| run.stride);
+    let bytes = own.map(|run| run.bytes(buffers, &name)).transpose()?;
+    let replaced = match (replaced, &accessor.sparse) {
+        (Some([indices, values]), Some(sparse)) => {
+            let Checked::Valid(index_type) = sparse.indices.component_type else { return Err(wrong()) };
+            let bytes = indices.bytes(buffers, &name)?;
+            let indices = (0..indices.count).map(|at| unsigned(&bytes[at * indices.size..], index_type.0)).collect();
+            Some(checked(Replaced { indices, values: values.bytes(buffers, &name)? }, count, &name)?)
+        }
+        _ => None,
+    };
+    let normalized = accessor.normalized;
+    Ok(Elements { bytes, stride, count, component, components, normalized, replaced })
+}
+
+/// The bytes of an accessor's own elements, if it has any.
+fn own_run(accessor: &Accessor, buffers: &Buffers<'_>, size: usize, count: usize) -> Option<Run> {
+    let view = accessor.buffer_view?.value();
+    let stride = buffers.stride(view).filter(|stride| *stride > 0).unwrap_or(size);
+    Some(Run { view, offset: accessor.byte_offset.map_or(0, |offset| offset.0), stride, size, count })
+}
+
+/// The bytes of the indices and of the values of a sparse accessor.
+fn replaced_runs(accessor: &Accessor, size: usize, name: &str) -> Result<Option<[Run; 2]>, MeshError> {
+    let Some(sparse) = &accessor.sparse else { return Ok(None) };
+    let Checked::Valid(index_type) = sparse.indices.component_type else {
+        let fault = MeshError::new(format!("{name} has sparse indices of another type"));
+        return Err(fault.expected("unsigned integers"));
+    };
+    let count = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
+    let run = |view: usize, offset: u64, size: usize| Run { view, offset, stride: size, size, count };
+    let indices = run(sparse.indices.buffer_view.value(), sparse.indices.byte_offset.0, index_type.0.size());
+    let values = run(sparse.values.buffer_view.value(), sparse.values.byte_offset.0, size);
+    Ok(Some([indices, values]))
+}
+
+/// Sparse elements whose indices ascend and are in range.
+fn checked<'a>(replaced: Replaced<'a>, count: usize, name: &str) -> Result<Replaced<'a>, MeshError> {
+    let ascend = replaced.indices.is_sorted_by(|a, b| a < b);
+    let are_in_range = replaced.indices.last().is_none_or(|last| (*last as usize) < count);
+    if ascend && are_in_range {
+        return Ok(replaced);
+    }
+    let fault = MeshError::new(format!("{name} has sparse indices that do not ascend, or are out of range"));
+    Err(fault.expected(format!("indices from 0 to {}, each larger than the one before", count - 1)))
+}
+
+impl Run {
+    /// The bytes from its first element on, which reach as far as its last one.
+    fn bytes<'b>(&self, buffers: &'b Buffers<'_>, name: &str) -> Result<&'b [u8], MeshError> {
+        let Run { view, offset, stride, size, count } = *self;
+        let bytes = buffers.view_bytes(view, name)?;
+        let before_last = (stride as u64).checked_mul(count.max(1) as u64 - 1);
+        let needed = before_last.and_then(|before| before.checked_add(size as u64)?.checked_add(offset));
+        let needed = if count == 0 { Some(0) } else { needed };
+        match needed {
+            Some(needed) if needed <= bytes.len() as u64 => Ok(&bytes[(offset as usize).min(bytes.len())..]),
+            _ => {
+                let message = format!(
+                    "{name} has {count} elements of {size} bytes, {stride} bytes apart, from byte {offset} on, and \
+                     bufferViews[{view}] has {} bytes",
+                    bytes.len()
+                );
+                Err(MeshError::new(message).expected("elements that are within their view"))
+            }
+        }
+    }
+}
+
+/// The unsigned integer that bytes begin with.
+fn unsigned(bytes: &[u8], component: ComponentType) -> u32 {
+    match component {
+        ComponentType::U8 | ComponentType::I8 => bytes[0].into(),
+        ComponentType::U16 | ComponentType::I16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+        ComponentType::U32 | ComponentType::F32 => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+    }
+}
+
+impl Elements<'_> {
+    /// The bytes of an element; None for zeros.
+    #[inline]
+    fn element(&self, index: usize) -> Option<&[u8]> {
+        if let Some(replaced) = &self.replaced
+            && let Ok(at) = replaced.indices.binary_search(&(index as u32))
+        {
+            let size = self.components * self.component.size();
+            return Some(&replaced.values[at * size..]);
+        }
+        self.bytes.map(|bytes| &bytes[index * self.stride..])
+    }
+
+    /// An element of one unsigned integer.
+    #[inline]
+    pub(super) fn index(&self, index: usize) -> u32 {
+        self.element(index).map_or(0, |bytes| unsigned(bytes, self.component))
+    }
+
+    /// The first three numbers of an element, which has so many; integers that are normalized
+    /// become shares of the largest.
+    #[inline]
+    pub(super) fn vector(&self, index: usize) -> [f32; 3] {
+        let Some(bytes) = self.element(index) else { return [0.0; 3] };
+        let size = self.component.size();
+        [0, 1, 2].map(|axis| self.number(&bytes[axis * size..]))
+    }
+
+    /// As [`vector`](Self::vector), all integers being shares of the largest.
+    pub(super) fn shares(&self, index: usize) -> [f32; 3] {
+        let vector = self.vector(index);
+        let highest = match self.component {
+            _ if self.normalized => 1.0,
+            ComponentType::U8 => 255.0,
+            ComponentType::U16 => 65535.0,
+            _ => 1.0,
+        };
+        vector.map(|number| number / highest)
+    }
+
+    #[inline]
+    fn number(&self, bytes: &[u8]) -> f32 {
+        let (number, highest) = match self.component {
+            ComponentType::F32 => return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+            ComponentType::I8 => (f32::from(bytes[0] as i8), 127.0),
+            ComponentType::U8 => (f32::from(bytes[0]), 255.0),
+            ComponentType::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+            ComponentType::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
+            ComponentType::U32 => (unsigned(bytes, ComponentType::U32) as f32, u32::MAX as f32),
+        };
+        if self.normalized { (number / highest).max(-1.0) } else { number }
+    }
+}
