@@ -486,12 +486,14 @@ mod tests {
         cli.build();
         for command in cli.get_subcommands() {
             let words = |argument: &Arg| -> Vec<String> {
-                let values = ["1", "1,2", "1,2,3", "1x1", "x.png"];
-                let value = values.into_iter().find(|value| {
+                let words = argument.get_possible_values();
+                let words = words.iter().map(|word| word.get_name().to_owned());
+                let values = ["1", "1,2", "1,2,3", "1x1", "x.png", "f32", "proof"].map(str::to_owned);
+                let value = words.chain(values).find(|value| {
                     let refusal = refusal_of(command, argument, value);
                     refusal.is_none_or(|error| error.kind() != ErrorKind::ValueValidation)
                 });
-                let value = value.filter(|_| argument.get_action().takes_values()).map(str::to_owned);
+                let value = value.filter(|_| argument.get_action().takes_values());
                 argument.get_long().map(|name| format!("--{name}")).into_iter().chain(value).collect()
             };
             for argument in command.get_arguments() {

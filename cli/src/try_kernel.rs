@@ -11,6 +11,7 @@ use std::process::{Command, ExitCode};
 use clap::Args;
 use serde::Serialize;
 
+use super::number::{seed, whole};
 use super::{Failure, colour_on_stdout, print, print_result, say, write_out};
 use rayo_lab::experiments::bring::requirements::Requirement;
 use rayo_lab::experiments::bring::source::Unusable;
@@ -30,8 +31,7 @@ use templates::Language;
 #[command(after_help = "Examples:
   rayo try --template asm --op dot > dot.asm
   rayo try dot.asm --op dot
-  rayo try reflect.c --truth 'a - 2*dot(a,b)*b' --takes vec4,vec4 --gives vec4
-  rayo try students/*.asm --op dot --check --require same-bits,convention,memory")]
+  rayo try twice.c --truth 2*a --takes vec4 --gives vec4 --require same-bits")]
 pub struct TryArgs {
     /// What has the function: NASM (.asm), assembly or C for the C compiler (.s, .S, .c), Rust
     /// (.rs), an object (.o, .so)
@@ -53,10 +53,10 @@ pub struct TryArgs {
     #[arg(long, value_name = "FORMULA", requires = "takes", requires = "gives", allow_hyphen_values = true)]
     truth: Option<String>,
     /// The types of its one or two arguments: f32, vec4, sphere, triangle, surface, light
-    #[arg(long, value_name = "T,T", value_delimiter = ',', requires = "truth")]
+    #[arg(long, value_name = "T,T", value_delimiter = ',', requires = "truth", allow_hyphen_values = true)]
     takes: Vec<Type>,
     /// The type of its result: f32 or vec4
-    #[arg(long, value_name = "T", requires = "truth")]
+    #[arg(long, value_name = "T", requires = "truth", allow_hyphen_values = true)]
     gives: Option<Type>,
     /// Check alone: no cycles
     #[arg(long)]
@@ -64,13 +64,13 @@ pub struct TryArgs {
     /// What exit status 0 asks, in place of all checks, separated by commas: result, same-bits,
     /// odd, fourth-lane, aliasing, convention, memory, proof, ulp=2, instructions=8, body=5,
     /// executed=8, cycles=1.0 and throughput=1.0 (times `paper`)
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', allow_hyphen_values = true)]
     require: Vec<Requirement>,
     /// How many seconds of the CPU the calls of one stage may take
-    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, value_name = "S", default_value_t = 10, value_parser = whole(1..=3600_u32), allow_hyphen_values = true)]
     timeout: u32,
     /// The seed of the inputs
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed, allow_hyphen_values = true)]
     seed: u64,
     /// Print a start that passes, for the operation: in NASM, C or Rust, or as a macro of ours
     /// between its labels

@@ -57,75 +57,124 @@ const COUNTERPARTS: [Counterpart; 8] = [
     },
 ];
 
-/// An option of a command that excludes others.
+/// An option of some commands that excludes others.
 struct Exclusive {
-    command: &'static str,
+    commands: &'static [&'static str],
     option: &'static str,
     /// What the excluded options belong to.
     tip: &'static str,
 }
 
-const EXCLUSIVE: [Exclusive; 14] = [
+/// The commands with the options of `view.rs`.
+const OF_A_VIEW: &[&str] = &["render", "plan", "step", "convert"];
+
+const EXCLUSIVE: [Exclusive; 20] = [
     Exclusive {
-        command: "step",
+        commands: &["step"],
         option: "--op",
         tip: "--op takes --engine, --a and --b: --pixel, --precision, --lane, --steps and the options of the view belong to a \
               scene",
     },
-    Exclusive { command: "step", option: "--a", tip: "--a and --b belong to --op, which takes the place of a scene" },
-    Exclusive { command: "step", option: "--b", tip: "--a and --b belong to --op, which takes the place of a scene" },
     Exclusive {
-        command: "step",
+        commands: &["step"],
+        option: "--a",
+        tip: "--a and --b belong to --op, which takes the place of a scene",
+    },
+    Exclusive {
+        commands: &["step"],
+        option: "--b",
+        tip: "--a and --b belong to --op, which takes the place of a scene",
+    },
+    Exclusive {
+        commands: &["step"],
         option: "--html",
         tip: "--depth and --only belong to text: a page has everything, and folds; --json prints a document in place of both",
     },
     Exclusive {
-        command: "step",
+        commands: &["step"],
         option: "--json",
         tip: "--depth and --only belong to text: the document has everything",
     },
     Exclusive {
-        command: "render",
+        commands: &["render"],
         option: "--orbit",
         tip: "--preview, --explain, --stats and --json belong to one picture, and --orbit writes several",
     },
     Exclusive {
-        command: "experiment",
+        commands: &["experiment"],
         option: "--complexity",
         tip: "--ladder and --full belong to the paper's experiment: --complexity is measured instead, and prints its tables \
               anyway",
     },
     Exclusive {
-        command: "experiment",
+        commands: &["experiment"],
         option: "--full",
         tip: "--full belongs to text: the document of --json has everything",
     },
     Exclusive {
-        command: "ops",
+        commands: &["ops"],
         option: "--proofs",
         tip: "--proofs is about all macros: --op, --engine, --asm, --executed, --markdown and --figure belong to \
               counts, --kernel and --kernels to listings",
     },
     Exclusive {
-        command: "ops",
+        commands: &["ops"],
         option: "--kernels",
         tip: "--kernels prints names and nothing else: --op, --engine, --asm, --executed, --markdown and --figure belong to \
               operations, and --kernel lists what it names",
     },
     Exclusive {
-        command: "ops",
+        commands: &["ops"],
         option: "--kernel",
         tip: "--kernel lists functions as they are: --op, --engine, --asm, --executed, --markdown and --figure belong to \
               operations",
     },
     Exclusive {
-        command: "ops",
+        commands: &["ops"],
         option: "--markdown",
         tip: "--markdown is the page of all operations: --op, --engine and --asm choose from them, and --json prints another \
               document",
     },
-    Exclusive { command: "ops", option: "--asm", tip: "--asm prints listings: --json and --figure belong to counts" },
-    Exclusive { command: "report", option: "--from", tip: "--quick belongs to measuring, and --from measures nothing" },
+    Exclusive {
+        commands: &["ops"],
+        option: "--asm",
+        tip: "--asm prints listings: --json and --figure belong to counts",
+    },
+    Exclusive {
+        commands: OF_A_VIEW,
+        option: "--fov",
+        tip: "--fov and --film both say how wide the view is: --fov by its angle, --film by the film's diagonal",
+    },
+    Exclusive {
+        commands: OF_A_VIEW,
+        option: "--from",
+        tip: "--from gives the side from which all is seen, and the distance is found; --position gives the camera's place",
+    },
+    Exclusive {
+        commands: &["try"],
+        option: "--truth",
+        tip: "--op and --truth both say what the function is to compute: an operation of `rayo ops`, or a formula of your own",
+    },
+    Exclusive {
+        commands: &["try"],
+        option: "--template",
+        tip: "--template prints a start for an --op, and tries nothing",
+    },
+    Exclusive {
+        commands: &["try"],
+        option: "--asm",
+        tip: "--asm prints two listings and nothing else: --step shows one call, and the others belong to the verdict",
+    },
+    Exclusive {
+        commands: &["try"],
+        option: "--watch",
+        tip: "--watch prints the table anew after each change of the files, and --json is one document",
+    },
+    Exclusive {
+        commands: &["report"],
+        option: "--from",
+        tip: "--quick belongs to measuring, and --from measures nothing",
+    },
 ];
 
 /// The tip where two of a command's options exclude each other. The error names each with its
@@ -140,7 +189,7 @@ fn tip_of_exclusion(command: &str, error: &clap::Error) -> Option<&'static str> 
         })
         .filter_map(|name| name.split_whitespace().next())
         .collect();
-    let is_meant = |exclusive: &&Exclusive| exclusive.command == command && named.contains(&exclusive.option);
+    let is_meant = |exclusive: &&Exclusive| exclusive.commands.contains(&command) && named.contains(&exclusive.option);
     EXCLUSIVE.iter().find(is_meant).map(|exclusive| exclusive.tip)
 }
 

@@ -384,6 +384,8 @@ fn instances_do_not_multiply_beyond_measure() {
         // Primitives that share their places.
         let primitive = json["meshes"][0]["primitives"][0].clone();
         json["meshes"][0]["primitives"] = json!(vec![primitive; 10_000]);
+        // A buffer that is claimed and never read allows nothing.
+        json["buffers"].as_array_mut().unwrap().push(json!({"byteLength": 1_000_000_000_000_u64}));
     });
     // 60 million triangles from 300 kB; the memory is that of the limit.
     let error = Mesh::from_bytes(model.text().into_bytes(), MeshFormat::Gltf, "test").unwrap_err().to_string();

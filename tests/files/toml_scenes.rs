@@ -298,7 +298,7 @@ fn a_bad_mesh_is_told_where_the_scene_names_it() {
     assert_eq!(
         told("file = \"scene.toml\""),
         "F/scene.toml:3:8: F/scene.toml: the name of a mesh file tells its format: found `\"scene.toml\"`, expected .obj, \
-         .ply or .stl at its end"
+         .ply, .stl, .glb or .gltf at its end"
     );
     assert_eq!(
         told("scale = 1e38\ntranslate = [3e38, 0, 0]\nfile = \"meshes/square.obj\""),

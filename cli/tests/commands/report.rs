@@ -31,8 +31,9 @@ fn results() -> &'static Path {
             let out = |name: &str| directory.path().join(name).display().to_string();
             let (experiment, _) = crate::experiment::whole();
             fs::create_dir(out("experiment")).unwrap();
-            fs::copy(experiment.path().join("results.json"), Path::new(&out("experiment")).join("results.json"))
-                .unwrap();
+            for file in ["results.json", "table.md"] {
+                fs::copy(experiment.path().join(file), Path::new(&out("experiment")).join(file)).unwrap();
+            }
             for arguments in [
                 &["experiment", "--complexity", "--quick", "--runs", "1", "--out", &out("complexity")][..],
                 &["accuracy", "scenes/sphere.in", "S1", "--quick", "--out", &out("accuracy")],

@@ -242,7 +242,7 @@ fn a_requirement_is_what_the_exit_status_asks() {
         let tried = run(&[file, "--check", "--require", requirements]);
         assert_eq!(tried.status, status, "{file} {requirements}: {}{}", tried.stdout, tried.stderr);
     }
-    run(&["dot_rbx.asm", "--require", "bits"]).refuses("there is no requirement `bits`; there are: result, same-bits");
+    run(&["dot_rbx.asm", "--require", "bits"]).refuses("expected one of result, same-bits");
     run(&["dot_rbx.asm", "--require", "ulp"]).refuses("`ulp` needs a number, as in ulp=2");
 }
 
@@ -280,7 +280,7 @@ fn a_formula_is_the_truth_of_an_operation_of_ones_own() {
     run("reflect.c", &["--truth", "a *", "--takes", "vec4", "--gives", "vec4"])
         .refuses("error: the formula `a *`, column 4: it ends where a value is expected");
     run("reflect.c", &["--truth", "a", "--takes", "matrix", "--gives", "vec4"])
-        .refuses("there is no type `matrix`; there are: f32, vec4, sphere, triangle, surface, light");
+        .refuses("expected one of f32, vec4, sphere, triangle, surface, light, found `matrix`");
     run("reflect.c", &["--truth", "a"]).refuses("--takes <T,T>");
 }
 

@@ -6,7 +6,7 @@ use std::f64::consts::SQRT_2;
 use glam::{DVec3, Vec3};
 
 use rayo::internals::scene::direction;
-use rayo::internals::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
+use rayo::internals::scene::{Camera, Light, MAX_SIDE, Rng, Scene, Sphere, Triangle};
 
 pub const RED: Vec3 = Vec3::new(1.0, 0.25, 0.125);
 pub const GREEN: Vec3 = Vec3::new(0.125, 1.0, 0.25);
@@ -51,10 +51,10 @@ impl Maker {
         self.square_at(1.0, half)
     }
 
-    /// A picture of at least side x side pixels with the proportions `width` / `height`.
-    pub fn strip(&self, width: u32, height: u32, half: f64) -> Camera {
-        let factor = f64::from(self.side).powi(2) / (f64::from(width) * f64::from(height));
-        let width = (f64::from(width) * factor).ceil().max(1.0) as u32;
+    /// A picture of `height` rows and about side x side pixels, which is no wider than a picture may
+    /// be and is seen as far as `half` to both sides.
+    pub fn strip(&self, height: u32, half: f64) -> Camera {
+        let width = (self.side * self.side).div_ceil(height).min(MAX_SIDE);
         let relation = f64::from(width) / f64::from(height);
         camera(width, height, 1.0, 2.0 * half * (1.0 + 1.0 / (relation * relation)).sqrt())
     }

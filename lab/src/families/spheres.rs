@@ -39,8 +39,8 @@ fn far(maker: &mut Maker) -> Made {
         }
         _ => {
             // Half a radian to the side, where rows of the picture meet the limb at an angle.
-            let height = if kappa > 1e3 { 1 } else { 5 };
-            let side = maker.strip(100_000 / height, height, 0.6);
+            let height = if kappa > 1e3 { 2 } else { 5 };
+            let side = maker.strip(height, 0.6);
             (side, dvec3(0.5 * x.signum(), 0.0, 1.0))
         }
     };

@@ -158,7 +158,7 @@ impl FromStr for Requirement {
             text.trim().split_once('=').map_or((text.trim(), None), |(name, value)| (name, Some(value)));
         let Some(known) = NAMES.iter().find(|known| known.name == name) else {
             let known: Vec<_> = NAMES.iter().map(Name::example).collect();
-            return Err(format!("there is no requirement `{}`; there are: {}", brief(name), known.join(", ")));
+            return Err(format!("expected one of {}, found `{}`", known.join(", "), brief(name)));
         };
         match (&known.meaning, value) {
             (Meaning::Alone(requirement), None) => Ok(*requirement),
@@ -181,8 +181,8 @@ mod tests {
         assert_eq!("same-bits".parse(), Ok(Requirement::SameBits));
         assert_eq!(" ulp=2 ".parse(), Ok(Requirement::Ulp(2.0)));
         for (text, said) in [
-            ("", "there is no requirement ``; there are: result, same-bits"),
-            ("bits", "there is no requirement `bits`"),
+            ("", "expected one of result, same-bits"),
+            ("bits", "throughput=1.0, found `bits`"),
             ("ulp", "`ulp` needs a number, as in ulp=2"),
             ("ulp=x", "`ulp` needs a number"),
             ("ulp=-1", "`ulp` needs a number"),

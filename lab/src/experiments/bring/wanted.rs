@@ -89,9 +89,10 @@ impl FromStr for Type {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        Type::ALL.into_iter().find(|kind| kind.name() == text.trim()).ok_or_else(|| {
-            format!("there is no type `{}`; there are: {}", brief(text), Type::ALL.map(Type::name).join(", "))
-        })
+        Type::ALL
+            .into_iter()
+            .find(|kind| kind.name() == text.trim())
+            .ok_or_else(|| format!("expected one of {}, found `{}`", Type::ALL.map(Type::name).join(", "), brief(text)))
     }
 }
 

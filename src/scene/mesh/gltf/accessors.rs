@@ -19,6 +19,8 @@ pub(super) struct Elements<'a> {
     components: usize,
     normalized: bool,
     replaced: Option<Replaced<'a>>,
+    /// How many bytes all buffers have that have been read, which bounds what a file may hold.
+    pub(super) buffer_bytes: usize,
 }
 
 /// The elements of a sparse accessor that are not in its own bytes.
@@ -120,7 +122,8 @@ pub(super) fn elements<'b>(
         _ => None,
     };
     let normalized = accessor.normalized;
-    Ok(Elements { bytes, stride, count, component, components, normalized, replaced })
+    let buffer_bytes = buffers.bytes_read();
+    Ok(Elements { bytes, stride, count, component, components, normalized, replaced, buffer_bytes })
 }
 
 /// The bytes of an accessor's own elements, if it has any.

@@ -43,6 +43,11 @@ impl<'a> Buffers<'a> {
         Ok(())
     }
 
+    /// How many bytes the buffers have that have been read.
+    pub(super) fn bytes_read(&self) -> usize {
+        self.loaded.iter().flatten().map(|bytes| bytes.len()).sum()
+    }
+
     /// The bytes of a view whose buffer has been read.
     pub(super) fn view_bytes(&self, view_index: usize, owner: &str) -> Result<&[u8], MeshError> {
         let view = self.view(view_index, owner)?;

@@ -70,7 +70,7 @@ impl File<'_> {
         let owner = format!("{name}.attributes.POSITION");
         let places = elements(self.root, &mut self.buffers, accessor, &Kind::PLACES, &owner)?;
         let (first, count) = (self.made.points.len(), places.count);
-        check_size(self.root, first + count, "vertices", name)?;
+        check_size(places.buffer_bytes, first + count, "vertices", name)?;
         let keeps = to_file == DAffine3::IDENTITY;
         for index in 0..count {
             let place = Vec3::from_array(places.vector(index));
@@ -89,7 +89,7 @@ impl File<'_> {
         let start = self.made.mesh.triangles.len();
         let corners = self.corners(primitive, range, name)?;
         let most = start + corners.len();
-        check_size(self.root, most, "triangles", name)?;
+        check_size(self.buffers.bytes_read(), most, "triangles", name)?;
         let mesh = &mut self.made.mesh;
         match mode {
             Mode::TriangleStrip => mesh.triangles.extend(strip(&corners)),
@@ -111,7 +111,7 @@ impl File<'_> {
         let Some(accessor) = primitive.indices else { return Ok((first..first + count as u32).collect()) };
         let owner = format!("{name}.indices");
         let indices = elements(self.root, &mut self.buffers, accessor.value(), &Kind::INDICES, &owner)?;
-        check_size(self.root, indices.count / 3, "triangles", name)?;
+        check_size(indices.buffer_bytes, indices.count / 3, "triangles", name)?;
         let mut corners = Vec::with_capacity(indices.count);
         for number in 0..indices.count {
             let index = indices.index(number);
@@ -193,10 +193,9 @@ fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
 
 /// Refuses more of something than a file of this size has without multiplying what it holds beyond
 /// measure.
-fn check_size(root: &::gltf::json::Root, count: usize, what: &str, name: &str) -> Result<(), MeshError> {
+fn check_size(buffer_bytes: usize, count: usize, what: &str, name: &str) -> Result<(), MeshError> {
     // A triangle without shared vertices takes 36 bytes of a buffer, and an index a byte at least.
-    let held: u64 = root.buffers.iter().map(|buffer| buffer.byte_length.0).fold(0, u64::saturating_add);
-    let most = MOST.max(usize::try_from(held).unwrap_or(usize::MAX)).min(i32::MAX as usize);
+    let most = MOST.max(buffer_bytes).min(i32::MAX as usize);
     if count <= most {
         return Ok(());
     }
