@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(" ulp=2 ".parse(), Ok(Requirement::Ulp(2.0)));
         for (text, said) in [
             ("", "expected one of result, same-bits"),
-            ("bits", "throughput=1.0, found `bits`"),
+            ("bits", "expected one of result, same-bits"),
             ("ulp", "`ulp` needs a number, as in ulp=2"),
             ("ulp=x", "`ulp` needs a number"),
             ("ulp=-1", "`ulp` needs a number"),
