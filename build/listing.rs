@@ -20,8 +20,8 @@
 //!
 //! ```text
 //! strings
-//! macros:        name, file, what the first line of its comment says: strings; of each parameter its name, what it is for, such
-//!                as `in` or `out`, and what it is: strings
+//! macros:        name, file, the first sentence of its comment: strings; of each parameter its name, its direction, such as
+//!                `in` or `out`, and its description: strings
 //! calls:         the call that it stands in, 0 for none and else one more than its place in this list; macro; number of the
 //!                line that calls it; that line and its comment: strings; its arguments: a list of strings
 //! instructions:  bytes since the end of the one before; length; call, one more than its place; line; text, comment: strings
@@ -157,6 +157,32 @@ struct Sources {
     comments: HashMap<(usize, usize), usize>,
 }
 
+/// The first sentence of the comment above a macro, which begins with `; NAME - `; empty without one.
+fn description(source: &str, name: &str) -> String {
+    let heads = [format!("; {name} - "), format!("; {name}  - ")];
+    let mut lines = source.lines().skip_while(|line| !heads.iter().any(|head| line.starts_with(head)));
+    let Some((_, first)) = lines.next().and_then(|line| line.split_once("- ")) else { return String::new() };
+    let mut said = first.trim().to_owned();
+    for line in lines.map_while(|line| line.strip_prefix(';')).map(str::trim).take_while(|line| !line.is_empty()) {
+        if sentence_end(&said) < said.len() || said.ends_with('.') {
+            break;
+        }
+        said = format!("{said} {line}");
+    }
+    said.truncate(sentence_end(&said));
+    said
+}
+
+/// The end of the first sentence of a text: a full stop before a capital letter, but not the dot of
+/// a product or of `...`, which follows a space or a dot. The end of the text without one.
+fn sentence_end(text: &str) -> usize {
+    let is_end = |at: usize| {
+        let begins = text[at + 2..].starts_with(|letter: char| letter.is_uppercase());
+        begins && !text[..at].ends_with([' ', '.'])
+    };
+    text.match_indices(". ").map(|(at, _)| at).find(|at| is_end(*at)).map_or(text.len(), |at| at + 1)
+}
+
 fn read_sources(strings: &mut Strings) -> Sources {
     let mut files: Vec<_> = ["asm/include", "asm/ops", "asm/tracers"]
         .iter()
@@ -172,9 +198,7 @@ fn read_sources(strings: &mut Strings) -> Sources {
                 comments.insert((file, number + 1), strings.place(comment.trim()));
             }
             if let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) {
-                let heads = [format!("; {name} - "), format!("; {name}  - ")];
-                let said = text.lines().find_map(|line| heads.iter().find_map(|head| line.strip_prefix(head)));
-                let says = strings.place(said.unwrap_or("").trim());
+                let says = strings.place(&description(&text, name));
                 places.insert(name.to_owned(), macros.len());
                 macros.push(Macro { name: strings.place(name), file, says, parameters: Vec::new() });
             } else if let (Some(rest), Some(last)) = (line.strip_prefix("%define %%"), macros.last_mut())

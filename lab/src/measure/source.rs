@@ -1,5 +1,5 @@
-//! The origin of an instruction of our kernels: its line and the macros around it, from the tables
-//! of build.rs.
+//! The origin of an instruction of our kernels: its source line and the macros around it, from the
+//! tables that build.rs makes.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -13,7 +13,7 @@ pub struct Macro {
     pub name: &'static str,
     /// The file that defines it.
     pub file: &'static str,
-    /// The first line of its comment: its purpose, or its formula.
+    /// The first sentence of its comment: its purpose, or its formula.
     pub says: &'static str,
     pub parameters: Vec<Parameter>,
 }
@@ -21,9 +21,9 @@ pub struct Macro {
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
     pub name: &'static str,
-    /// Its direction: `in`, `out`, `in/out`, `clobbered`.
+    /// The parameter's direction: `in`, `out`, `in/out` or `clobbered`.
     pub kind: &'static str,
-    /// Its description.
+    /// The parameter's description.
     pub says: &'static str,
 }
 
@@ -34,56 +34,56 @@ pub struct Call {
     pub within: Option<usize>,
     /// The index of the macro.
     pub of: usize,
-    /// The number of the calling line, in the file of the enclosing macro.
+    /// The line number of the call, in the file of the enclosing macro.
     pub line: usize,
     pub text: &'static str,
     pub comment: &'static str,
-    /// Its arguments: registers, addresses, labels.
+    /// The arguments of the call: registers, addresses, labels.
     pub arguments: Vec<&'static str>,
 }
 
 /// An instruction in the sources.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    /// Bytes from the beginning of the unit's code.
+    /// The instruction's offset from the beginning of the unit's code, in bytes.
     pub offset: usize,
     /// The index of the innermost enclosing macro call.
     pub call: Option<usize>,
-    /// The number of its line, in the file of that macro.
+    /// The number of the source line, in the file of that macro.
     pub number: usize,
     pub text: &'static str,
     pub comment: &'static str,
 }
 
-/// The origin of an instruction, in the macro that a reader looks at: macros that stand for one
-/// operation on every lane, in isa.inc and packet.inc, count as the instruction itself.
+/// The origin of an instruction, in the macro where a reader looks for it. Macros of isa.inc and
+/// packet.inc stand for one operation on every lane and are taken for the instruction itself.
 #[derive(Clone, Debug)]
 pub struct Origin {
-    /// The indices of the enclosing macro calls, the outermost first.
+    /// The indices of the enclosing macro calls, outermost first.
     pub calls: Vec<usize>,
-    /// The number of its line, in the file of the innermost macro.
+    /// The number of the source line, in the file of the innermost macro.
     pub number: usize,
     pub text: &'static str,
     pub comment: &'static str,
 }
 
-/// Whether a macro only stands for an instruction, or brackets some.
+/// Whether a macro stands for a single instruction, or only brackets some.
 fn is_plain(of: &Macro) -> bool {
     let words = ["asm/include/isa.inc", "asm/include/packet.inc"];
     words.contains(&of.file) || ["OPERATION", "END_OPERATION", "DISTINCT"].contains(&of.name)
 }
 
-/// The kernels of an instruction set in this process, with their source lines.
+/// The kernels for an instruction set in this process, with their source lines.
 #[derive(Debug)]
 pub struct Unit {
-    /// The addresses of their code.
+    /// The addresses of the unit's code.
     pub code: Range<usize>,
     pub macros: Vec<Macro>,
-    /// Their calls, each after the enclosing one.
+    /// The calls of macros; an enclosing call comes before those in it.
     pub calls: Vec<Call>,
-    /// Their instructions, by offset.
+    /// The instructions, sorted by offset.
     lines: Vec<Line>,
-    /// The functions: the beginning, the end and the name of each.
+    /// The functions: the offsets of each, and its name.
     functions: Vec<(Range<usize>, String)>,
 }
 
@@ -95,7 +95,7 @@ impl Unit {
         UNITS[isa as usize].get_or_init(|| Unit::read(isa)).as_ref()
     }
 
-    /// The addresses of the unit's code, without the work of reading its table.
+    /// The addresses of the unit's code, without reading its table of source lines.
     pub fn code_of(isa: Isa) -> Option<Range<usize>> {
         let known = kernels::packet_ops::<f32>(isa)?.first()?;
         let file = object::File::parse(Unit::object(isa)?).ok()?;
@@ -156,7 +156,7 @@ impl Unit {
         Some(Unit { code, macros, calls, lines, functions })
     }
 
-    /// The line of the instruction at `address`.
+    /// The source line of the instruction at `address`.
     pub fn line(&self, address: usize) -> Option<&Line> {
         let offset = address.checked_sub(self.code.start)?;
         self.lines.binary_search_by_key(&offset, |line| line.offset).ok().map(|place| &self.lines[place])
@@ -183,7 +183,7 @@ impl Unit {
         Some(Origin { calls, number, text, comment })
     }
 
-    /// Where a function is.
+    /// Finds a function by its symbol, in the units that this CPU runs.
     pub fn with_function(symbol: &str) -> Option<FunctionInUnit> {
         Isa::ALL.into_iter().filter_map(Unit::of).find_map(|unit| {
             let (range, _) = unit.functions.iter().find(|(_, name)| name == symbol)?;
@@ -191,12 +191,12 @@ impl Unit {
         })
     }
 
-    /// The file of a line in a macro call.
+    /// The source file of a line in the macro call `call`.
     pub fn file(&self, call: Option<usize>) -> &'static str {
         call.map_or("", |call| self.macros[self.calls[call].of].file)
     }
 
-    /// The function that has the instruction at `address`.
+    /// The function that contains the instruction at `address`.
     pub fn function(&self, address: usize) -> Option<Function<'_>> {
         let offset = address.checked_sub(self.code.start)?;
         let after = self.functions.partition_point(|(range, _)| range.start <= offset);
@@ -213,7 +213,7 @@ pub struct Function<'a> {
     pub address: usize,
 }
 
-/// The unit of a function.
+/// A function's unit and address.
 #[derive(Clone, Copy)]
 pub struct FunctionInUnit {
     pub unit: &'static Unit,
@@ -221,7 +221,7 @@ pub struct FunctionInUnit {
     pub address: usize,
 }
 
-/// A table in the format of `build/listing.rs`, with a read position.
+/// A table in the format that `build/listing.rs` describes, and a read position in it.
 struct Table {
     bytes: &'static [u8],
 }

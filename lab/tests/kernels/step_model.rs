@@ -325,3 +325,13 @@ fn wrong_decision_of_the_paper_is_seen_by_exact_values() {
     }
     assert!(wrong > 0, "the paper has lost none");
 }
+
+#[test]
+fn every_macro_of_a_step_is_described_by_a_whole_sentence() {
+    let macros = || Isa::ALL.into_iter().filter_map(Unit::of).flat_map(|unit| &unit.macros);
+    let cut: Vec<_> = macros().filter(|known| !known.says.is_empty() && !known.says.ends_with('.')).collect();
+    assert!(cut.is_empty(), "{cut:#?}");
+    for known in macros().filter(|known| known.name == "SPHERE_HIT3") {
+        assert!(known.says.ends_with("and the mask of those that have one."), "{}", known.says);
+    }
+}
