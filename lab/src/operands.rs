@@ -1,4 +1,4 @@
-//! The records of spheres and triangles for the packet operations, whose rays leave the origin in
+//! The records of spheres and triangles for operations on packets, whose rays leave the origin in
 //! any direction.
 //!
 //! Everything is computed in f64 and rounded once, so that no operand of the kernels has lost
@@ -13,18 +13,18 @@ use rayo::internals::plan::lights;
 use rayo::internals::reference::geometry;
 use rayo::internals::scene::{Light, Scene};
 
-/// A record in a unit of length of the object's own, so that no product leaves the range of an f32
-/// or an f64.
+/// A record whose unit of length is chosen for the object, so that no product exceeds the range of
+/// f32 or f64.
 #[derive(Clone, Copy, Debug)]
 pub struct InUnits<R> {
-    /// The operand of the operation.
+    /// The record that the operation takes.
     pub record: R,
-    /// The unit, a power of two: t is that many times the operation's result.
+    /// The unit, a power of two: t is the operation's result times the unit.
     pub unit: f64,
 }
 
-/// The objects of a scene whose numbers, squared, are in the range of f32, for a tracer with a ray
-/// in each lane.
+/// The objects of a scene for a tracer with a ray in each lane. The squares of their numbers must
+/// be within the range of f32.
 pub fn in_lanes(scene: &Scene, tracer: &LaneTracer) -> LaneObjects {
     let lights = lights(scene);
     let grid = scene.camera.grid();
@@ -58,12 +58,12 @@ pub fn in_lanes(scene: &Scene, tracer: &LaneTracer) -> LaneObjects {
     objects
 }
 
-/// The power of two next to the largest of some lengths; 1 if there is none.
+/// The power of two next below the largest of some lengths; 1 if that is 0 or not normal.
 fn unit(largest: f64) -> f64 {
     if largest.is_normal() { f64::from_bits(largest.to_bits() & f64::INFINITY.to_bits()) } else { 1.0 }
 }
 
-/// The record of a sphere. One with a number that is not finite is never hit.
+/// The record of a sphere, which is never hit if a number is not finite.
 pub fn sphere_hit<E: Element>(centre: [f64; 3], radius: f64) -> InUnits<SphereHit<E>> {
     let unit = unit(DVec3::from(centre).abs().max_element().max(radius));
     let (c, r) = (DVec3::from(centre) / unit, radius / unit);
@@ -71,10 +71,10 @@ pub fn sphere_hit<E: Element>(centre: [f64; 3], radius: f64) -> InUnits<SphereHi
     InUnits { record: record.round(), unit }
 }
 
-/// The record of a triangle, for rays whose components are at most `reach`.
+/// The record of a triangle, for rays whose components are at most `reach` in magnitude.
 ///
-/// Terms that depend on its size are scaled to the order of 1. A triangle of no area and one whose
-/// plane passes through the origin are never hit.
+/// Terms that depend on the triangle's size are scaled to the order of 1. A triangle that has no
+/// area, or whose plane passes through the origin, is never hit.
 pub fn triangle_hit<E: Element>(vertices: [[f64; 3]; 3], reach: [f64; 3]) -> InUnits<TriangleHit<E>> {
     let vertices = vertices.map(DVec3::from);
     let unit = unit(vertices.map(|v| v.abs().max_element()).into_iter().fold(0.0, f64::max));
@@ -82,18 +82,18 @@ pub fn triangle_hit<E: Element>(vertices: [[f64; 3]; 3], reach: [f64; 3]) -> InU
 }
 
 fn in_its_unit<E: Element>([v1, v2, v3]: [DVec3; 3], reach: DVec3) -> TriangleHit<E> {
-    // A NaN is no volume either.
+    // A volume that is NaN counts as none.
     let Some(volume) = geometry::triangle_volume([v1, v2, v3]) else { return TriangleHit::<f64>::default().round() };
     let facing = volume.signum();
     let n = facing * geometry::triangle_plane([v1, v2, v3]);
     let (k, scale) = (facing * volume, n.abs().max_element());
-    // The plane through an edge, away from the triangle; and an error bound of three rounded
-    // products and their sum.
+    // The plane through the origin and an edge, with its normal pointing away from the triangle,
+    // and an error bound for three rounded products and their sum.
     let edge = |from: DVec3, to: DVec3| {
         let normal = facing * to.cross(from);
         let normal = normal / normal.abs().max_element();
         let bound = HIT_ROUNDINGS * E::EPSILON / 2.0 * reach.dot(normal.abs());
-        // A value has to be below it.
+        // The kernels compare strictly, d . normal < bound, so that the bound must not round to 0.
         (normal, bound.max(f32::MIN_POSITIVE.into()))
     };
     let ((a, ea), (b, eb), (c, ec)) = (edge(v1, v2), edge(v2, v3), edge(v3, v1));
@@ -108,6 +108,7 @@ fn in_its_unit<E: Element>([v1, v2, v3]: [DVec3; 3], reach: DVec3) -> TriangleHi
     record.round()
 }
 
-/// The error of a normal with three products and two sums: 4 and some units in the last place of
-/// the largest term.
+/// A bound on the error of d . normal, in units of u times the sum of its terms' magnitudes. A term
+/// is rounded up to four times: in the record, in its product, and in two sums. The bound is proved
+/// in `experiments/prove/rounding.rs`.
 pub const HIT_ROUNDINGS: f64 = 4.5;

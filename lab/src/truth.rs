@@ -1,8 +1,8 @@
-//! The truth of a picture: what each ray hits, where, and in which colour, with certainty.
+//! The true picture of a scene: what each ray hits, where, and in which colour, with certainty.
 //!
-//! Objects that a ray certainly does not meet are excluded in f64, with a bound on its rounding.
-//! The rest is computed in numbers that carry a bound on their own error, and in 1024 bits where
-//! those do not decide.
+//! Objects that a ray certainly misses are excluded in f64, with a bound on the rounding. The
+//! others are tested in numbers that carry a bound on their own error, and in 1024 bits where these
+//! do not decide.
 
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -17,57 +17,58 @@ use crate::exact::shapes::{self, Meeting, Ray, Rays, Vector};
 use rayo::internals::reference::geometry;
 use rayo::internals::scene::{Grid, Object, Scene, Sphere, Triangle};
 
-/// Objects that miss a ray by more than this, on the scale of margins, are not examined closely;
-/// all requested margins are smaller.
+/// Objects whose margin to a ray exceeds this are not examined closely; all margins that anyone
+/// asks for are smaller.
 const FAR: f64 = 1e-4;
-/// A bound on all rounding errors of a test in f64, including those of the ray, as a share of the
-/// sum of the magnitudes of its terms.
+/// A bound on all rounding errors of a test in f64, including those of the ray, relative to the sum
+/// of the magnitudes of the test's terms.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
-/// If a light is nearer to the surface than this share of the surface's distance, its direction is
-/// rounding noise in f32.
+/// If a light is nearer to a surface than this share of the surface's distance from the camera, its
+/// direction is rounding noise in f32.
 const AT_THE_SURFACE: f64 = 1e-4;
 /// If a triangle's plane is nearer to the camera than this share of the nearest corner's distance,
-/// v . n loses so many digits in f64 that only about seven, or fewer, are left.
+/// v . n cancels so much in f64 that about seven digits or fewer are left.
 const AT_THE_CAMERA: f64 = 1e-8;
-/// A cosine below this counts as at the terminator, where f32 may round it to 0.
+/// A cosine below this is at the terminator: f32 may round it to 0.
 const AT_THE_TERMINATOR: f64 = 1e-4;
-/// The largest accepted relative error of the values of a hit: less than f64 could resolve.
+/// The largest relative error of a hit's values that is accepted: less than f64 can resolve.
 const SURE: f64 = f64::EPSILON / 64.0;
 
 #[derive(Clone, Debug)]
 pub struct TruePixel {
     /// The first object that the ray hits.
     pub hit: Option<TrueHit>,
-    /// The distance from another answer: the smallest margin of any object that could change this
-    /// one, or the gap to the second hit as a share of t. Exact ties are not in doubt, since the
-    /// first in order wins.
+    /// The distance from another result: the smallest margin of any object that could change the
+    /// hit, or the gap to the second hit relative to t. Objects at exactly the same t do not count,
+    /// since the first in the scene's order wins.
     pub margin: f64,
 }
 
 #[derive(Clone, Debug)]
 pub struct TrueHit {
     pub object: Object,
-    /// The point t r_d.
+    /// The distance t; the hit is at the point t r_d.
     pub t: Split,
-    /// The unit normal; of a triangle either of the two.
+    /// The unit normal; for a triangle, either of the two.
     pub normal: [Split; 3],
-    /// L . N of each light, below 0 if it is behind a sphere's surface; 0 for a light on the
-    /// surface, and for one that is hidden.
+    /// L . N for each light: below 0 for a light behind a sphere's surface, 0 for one on the
+    /// surface and for one that is hidden.
     pub cosines: Vec<f64>,
-    /// The distance from another answer about shadows: the smallest relative change of a deciding
-    /// quantity that would change which lights are hidden.
+    /// The distance from another result for shadows: the smallest relative change of a quantity
+    /// that would change which lights are hidden.
     pub shadow: f64,
     /// Whether the hit is at the terminator of a light so bright that rounding in f32 decides
     /// between black and white.
     pub dazzled: bool,
     /// The linear colour, not clamped. None if a light is so near that its direction is rounding
-    /// noise in f32, or a triangle's plane so near to the camera that its distance is noise in f64.
+    /// noise in f32, or if a triangle's plane is so near to the camera that its distance is noise
+    /// in f64.
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
     pub bound: f64,
-    /// The factor by which the rounding of the camera's numbers, as a share of its longest ray,
-    /// changes t: 1 / the cosine between the ray and the normal, times the longest ray over this
-    /// one.
+    /// The factor by which a rounding of the camera's numbers, relative to its longest ray, changes
+    /// t: 1 / the cosine between the ray and the normal, times the longest ray's length over this
+    /// ray's.
     pub lever: f64,
 }
 
@@ -76,7 +77,7 @@ struct Light {
     radiance: DVec3,
 }
 
-/// An object in f64, with what is needed to exclude it.
+/// An object in f64, with the values needed to exclude it.
 enum Quick {
     Sphere { centre: DVec3, radius: f64, k: f64 },
     Triangle { vertices: [DVec3; 3], edges: [DVec3; 3], sizes: [DVec3; 3] },
@@ -90,20 +91,20 @@ enum Shape<N> {
 struct Body {
     object: Object,
     quick: Quick,
-    /// The shape in numbers with error bounds; None if these cannot decide about it.
+    /// The shape in numbers with error bounds; None if these cannot represent it with certainty.
     bounded: Option<Shape<Bounded>>,
-    /// The shape in 1024 bits, made when it is needed.
+    /// The shape in 1024 bits, made when it is first needed.
     exact: OnceLock<Shape<Exact>>,
     colour: DVec3,
-    /// The index of the first object that is equal in everything but colour: the two tie wherever
+    /// The index of the first object that is equal in everything but colour; the two tie wherever
     /// they are hit.
     same_as: usize,
-    /// Whether f64 cannot determine the distance of its plane, from which all its corners are far
-    /// away.
+    /// Whether the plane of a triangle is so near to the camera, although its corners are far away,
+    /// that f64 cannot determine its distance.
     grazes_camera: bool,
 }
 
-/// A body's meeting with a ray.
+/// How a ray meets a body.
 struct BodyMeeting<N> {
     /// The index of the body.
     body: usize,
@@ -118,7 +119,7 @@ struct FirstHit<'a, N> {
     t: &'a N,
 }
 
-/// What a ray hits first, if anything, and the distance from another answer; see
+/// What a ray hits first, if anything, and the distance from another result; see
 /// [`TruePixel::margin`].
 struct Answer<'a, N> {
     first: Option<FirstHit<'a, N>>,
@@ -127,7 +128,7 @@ struct Answer<'a, N> {
 
 /// A light as seen from a point of a surface.
 struct LightAtPoint {
-    /// L . N; below 0 behind the surface, 0 if the light is at the point or is hidden from it.
+    /// L . N: below 0 for a light behind the surface; 0 for one at the point or hidden from it.
     cosine: f64,
     /// Whether the light is so near that its direction is rounding noise in f32.
     is_near: bool,
@@ -138,15 +139,15 @@ struct SurfacePoint<'a, N> {
     body: &'a Body,
     point: Vector<N>,
     normal: Vector<N>,
-    /// A bound on the error of an engine's point, in units of its u.
+    /// A bound on the error of the point that an engine computes, in units of its u.
     units: f64,
 }
 
-/// The truth of one scene and camera.
+/// What the true pixels of one scene and camera are computed from.
 pub struct Truth {
     grid: Grid<f64>,
     rays: Rays,
-    /// The x of each column's rays, the y of each row's, and their z.
+    /// The x of the rays of each column, the y of those of each row, and the z of all.
     across: Vec<Bounded>,
     up: Vec<Bounded>,
     focal: Bounded,
@@ -158,7 +159,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Takes `scene`, whose f32 numbers are exact.
+    /// Prepares the truth of `scene`, whose f32 numbers are taken as exact.
     pub fn new(scene: &Scene) -> Self {
         let camera = &scene.camera;
         let lights = scene.lights.iter().map(|light| Light {
@@ -194,20 +195,20 @@ impl Truth {
         self.quick_pixel(row, col).unwrap_or_else(|| self.exact_pixel(row, col))
     }
 
-    /// The objects that f64 does not exclude.
+    /// The objects that f64 cannot exclude.
     fn near(&self, row: u32, col: u32) -> Vec<usize> {
         let d = DVec3::from(self.grid.ray(row, col));
         let reach = DVec3::new(self.grid.half_width, self.grid.half_height, self.grid.focal);
         (0..self.bodies.len()).filter(|i| !self.bodies[*i].quick.certainly_missed(d, reach)).collect()
     }
 
-    /// The truth of a pixel computed only in 1024 bits, to check the quick one.
+    /// The truth of a pixel computed in 1024 bits alone, by which the quick computation is checked.
     pub fn exact_pixel(&self, row: u32, col: u32) -> TruePixel {
         let ray = self.rays.ray(row, col);
         self.known_pixel(&self.near(row, col), &ray, |body| Some(body.exact())).expect("1024 bits know everything")
     }
 
-    /// The truth of a pixel computed in fewer bits; None if these do not decide.
+    /// The truth of a pixel computed in numbers with error bounds; None if these do not decide.
     pub fn quick_pixel(&self, row: u32, col: u32) -> Option<TruePixel> {
         let near = self.near(row, col);
         if near.is_empty() {
@@ -217,7 +218,7 @@ impl Truth {
         self.known_pixel(&near, &Ray::within(d, self.rays.reach), |body| body.bounded.as_ref())
     }
 
-    /// The truth of a pixel whose ray can meet only the objects `near`; None if numbers of type `N`
+    /// The truth of a pixel whose ray can meet only the objects `near`. None if numbers of type `N`
     /// do not decide.
     fn known_pixel<N: Number + 'static>(
         &self,
@@ -238,19 +239,19 @@ impl Truth {
         Some(TruePixel { hit, margin })
     }
 
-    /// The first object hit, and its distance from another answer.
+    /// The first object that the ray hits, and the distance from another result.
     fn first<'a, N: Number>(&self, meetings: &'a [BodyMeeting<N>]) -> Option<Answer<'a, N>>
     where
         for<'n> &'n N: Operations<N>,
     {
-        // The gap between a hit and the nearer `first` hit, as a share of the latter.
+        // The gap between a hit and the `first` hit, relative to the latter's t.
         let gap = |t: &N, first: &N| (&(t - first) / first).to_f64().max(0.0);
         let same = |a: usize, b: usize| self.bodies[a].same_as == self.bodies[b].same_as;
         let mut first: Option<FirstHit<'a, N>> = None;
         for BodyMeeting { body, meeting } in meetings {
             let Some(t) = &meeting.hit else { continue };
             let nearer = match &first {
-                // Of objects that tie, the first in order stays.
+                // Of objects that tie, the first in the scene's order wins.
                 Some(first) if same(*body, first.body) => false,
                 Some(first) => (first.t - t).sign()? > 0,
                 None => true,
@@ -263,8 +264,8 @@ impl Truth {
         for BodyMeeting { body, meeting } in meetings {
             let change = match &first {
                 Some(first) if same(*body, first.body) => continue,
-                // Behind the first hit, an object's distance protects the answer; a near miss by
-                // its margin too.
+                // An object behind the first hit could change the result only by its gap or, if it
+                // is missed narrowly, by its margin as well.
                 Some(first) => match (&meeting.hit, &meeting.miss) {
                     (Some(other), _) => gap(other, first.t),
                     (None, Some(other)) => gap(other, first.t).max(meeting.margin),
@@ -277,7 +278,7 @@ impl Truth {
         Some(Answer { first, margin })
     }
 
-    /// The truth of a hit on this shape; None if a number is not known accurately enough.
+    /// The true values of a hit on this shape; None if a number is not known accurately enough.
     fn hit<N: Number>(&self, first: &FirstHit<'_, N>, shape: &Shape<N>, ray: &Ray<N>) -> Option<TrueHit>
     where
         for<'n> &'n N: Operations<N>,
@@ -318,8 +319,8 @@ impl Truth {
         })
     }
 
-    /// Each light as it is seen from a point if nothing casts a shadow. None if a number is not
-    /// known accurately enough.
+    /// Each light as seen from a point if no object casts a shadow. None if a number is not known
+    /// accurately enough.
     fn lights_at<N: Number>(&self, at: &SurfacePoint<'_, N>) -> Option<Vec<LightAtPoint>>
     where
         for<'n> &'n N: Operations<N>,

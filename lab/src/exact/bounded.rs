@@ -1,25 +1,25 @@
-//! Numbers of about 100 bits with a bound on their own error: the truth wherever that bound
-//! decides.
+//! Numbers of about 100 bits with a bound on their own error: they give the truth wherever the
+//! bound decides.
 //!
-//! A number is the sum of two f64, with a bound on all rounding errors so far. So its sign is known
-//! or unknown; a caller that needs an unknown one turns to [`digits`](super::digits), which is a
-//! hundred times as slow.
+//! A number is the sum of two f64, with a bound on all rounding errors so far. Its sign is
+//! therefore known or unknown. A caller that needs an unknown sign turns to
+//! [`digits`](super::digits), which is a hundred times as slow.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::digits::Exact;
 use super::number::{Number, Split};
 
-/// A bound of the relative rounding error of one operation: 64 u² of f64, several times those of
-/// Joldes, Muller and Popescu (2017).
+/// A bound on the relative rounding error of one operation: 64 u^2 with the u of f64, several times
+/// the bounds of Joldes, Muller and Popescu (2017).
 const ROUNDING: f64 = 64.0 * (f64::EPSILON / 2.0) * (f64::EPSILON / 2.0);
-/// What an operation may lose if its smallest parts are denormal numbers.
+/// What an operation may lose if its smallest parts are subnormal.
 const TINY: f64 = f64::MIN_POSITIVE;
-/// Bounds are computed in f64 too, and enlarged by their own rounding.
+/// Bounds are computed in f64 too, and enlarged by this factor for their own rounding.
 const ROOM: f64 = 1.0 + 16.0 * f64::EPSILON;
 
-/// A number, and a bound on its distance from the exact one. If not finite, it has an infinite
-/// bound, or none: it never decides.
+/// A number, and a bound on its distance from the exact number. A number that is not finite has an
+/// infinite bound, or NaN for one, and so never decides.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounded {
     value: Split,
@@ -27,7 +27,8 @@ pub struct Bounded {
 }
 
 impl Bounded {
-    /// a + b as two parts, |a| >= |b|, after an operation on numbers with errors of `error` in all.
+    /// The sum of a and b, |a| >= |b|, after an operation whose operands contribute `error` to its
+    /// error.
     fn of(a: f64, b: f64, error: f64) -> Self {
         let high = a + b;
         let low = b - (high - a);
@@ -57,7 +58,7 @@ impl Number for Bounded {
         }
     }
 
-    /// Nothing is known of the root of a number that may not be greater than 0.
+    /// The bound is infinite for a number that may not be greater than 0.
     fn sqrt(&self) -> Self {
         let Split { high, low } = self.value;
         let root = high.sqrt();
@@ -81,7 +82,7 @@ impl From<&Exact> for Bounded {
     }
 }
 
-/// a + b and its rounding error: Knuth's, for any a and b.
+/// a + b and its rounding error, by Knuth's algorithm for a and b in any order of magnitude.
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let from_b = sum - a;
@@ -122,7 +123,7 @@ impl Mul for &Bounded {
         let (a, b) = (self.value, other.value);
         let product = a.high * b.high;
         let rest = a.high.mul_add(b.high, -product) + (a.high * b.low + a.low * b.high);
-        // The parts below are half a unit of those above.
+        // The low parts are at most half a unit in the last place of the high ones.
         let error = (1.0 + f64::EPSILON) * (a.high.abs() * other.error + b.high.abs() * self.error);
         Bounded::of(product, rest, error + self.error * other.error)
     }

@@ -1,7 +1,7 @@
-//! Numbers of 1024 bits: the truth beyond doubt.
+//! Numbers of 1024 bits, whose signs count as known.
 //!
-//! The input is f32 or f64 data, taken as exact. Nothing here is fast: a product of three
-//! coordinates of a scene, which are f32, is a multiple of 2^-447 below 2^384, and sums of such
+//! Inputs are f32 or f64 data, which are taken as exact. 1024 bits suffice for a product of three
+//! coordinates of a scene, which are f32: it is a multiple of 2^-447 below 2^384, and sums of such
 //! products are exact.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -13,17 +13,17 @@ use super::number::{Number, Split};
 
 pub const BITS: usize = 1024;
 
-/// A number of [`BITS`] bits, finite, its exponent without limits. Operations round to nearest.
+/// A finite number of [`BITS`] bits with an unlimited exponent. Operations round to nearest.
 #[derive(Clone, Debug, PartialEq, PartialOrd)]
 pub struct Exact(FBig<HalfEven, 2>);
 
 impl Exact {
-    /// Whether it is greater than 0.
+    /// Whether the number is greater than 0.
     pub fn is_positive(&self) -> bool {
         self.sign() == Some(1)
     }
 
-    /// Whether it is less than 0.
+    /// Whether the number is less than 0.
     pub fn is_negative(&self) -> bool {
         self.sign() == Some(-1)
     }
@@ -31,11 +31,11 @@ impl Exact {
 
 impl Number for Exact {
     /// # Panics
-    /// If it is not finite.
+    /// If `x` is not finite.
     fn new(x: f64) -> Self {
         let x: FBig<HalfEven, 2> = x.try_into().unwrap_or_else(|_| panic!("an exact number is finite, not {x}"));
         assert!(x.repr().is_finite(), "an exact number is finite");
-        // A result is as precise as the more precise of its operands.
+        // A result has the precision of its more precise operand.
         Exact(x.with_precision(BITS).value())
     }
 

@@ -1,8 +1,8 @@
-//! Arithmetic whose signs are sure: the shapes of a scene in 1024 bits, or in fewer where these are
-//! sure.
+//! Arithmetic whose signs are certain: intersections of rays and objects in 1024 bits, or in fewer
+//! bits where these suffice.
 //!
-//! [`shapes`] and [`shadows`] have the formulas, over any [`number`]; [`digits`] has the 1024 bits,
-//! and [`bounded`] the fewer ones, which know how far they may be off.
+//! [`shapes`] and [`shadows`] have the formulas, generic over [`number`]; [`digits`] has the
+//! numbers of 1024 bits, and [`bounded`] shorter ones with a bound on their error.
 
 pub mod bounded;
 pub mod digits;

@@ -1,27 +1,28 @@
-//! The traits of the numbers that the truth is computed with: each has a sign, or knows that its
-//! sign is not known.
+//! The traits of the numbers that the truth is computed with. A number either knows its sign or
+//! knows that the sign is unknown.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The arithmetic of the truth.
 pub trait Number: Clone + Debug {
-    /// `x` itself.
+    /// The number equal to `x`.
     fn new(x: f64) -> Self;
-    /// Rounded to the nearest f64.
+    /// The number rounded to the nearest f64.
     fn to_f64(&self) -> f64;
-    /// Rounded to the sum of two f64.
+    /// The number rounded to a sum of two f64.
     fn split(&self) -> Split;
-    /// -1, 0 or 1; None if it is not known.
+    /// The sign: -1, 0 or 1. None if it is unknown.
     fn sign(&self) -> Option<i8>;
     /// The square root of a number that is not less than 0.
     fn sqrt(&self) -> Self;
     fn abs(&self) -> Self;
-    /// Whether its error is certainly no more than this.
+    /// Whether the error of the number is certainly at most `error`.
     fn is_within(&self, error: f64) -> bool;
 }
 
-/// Numbers whose signs are taken for known, to exclude what is certain all the same.
+/// f64, all of whose signs are taken as known. It serves to exclude objects that a ray certainly
+/// misses.
 impl Number for f64 {
     fn new(x: f64) -> Self {
         x
@@ -52,7 +53,7 @@ impl Number for f64 {
     }
 }
 
-/// Operations on references to such numbers.
+/// Arithmetic operators on references to such numbers.
 pub trait Operations<N>:
     Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>
 {
@@ -63,17 +64,18 @@ impl<'a, N> Operations<N> for &'a N where
 {
 }
 
-/// A number to about 106 bits, as the sum of two f64: for fast comparisons with one of 1024 bits.
+/// A number with about 106 bits, as the sum of two f64, for fast comparisons with a number of 1024
+/// bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
-    /// The number rounded to nearest.
+    /// The number, rounded to nearest.
     pub high: f64,
-    /// The rest, rounded to nearest.
+    /// The number minus `high`, rounded to nearest.
     pub low: f64,
 }
 
 impl Split {
-    /// x - self; to full f64 accuracy if x is near.
+    /// x minus this number; to full f64 accuracy if x is near it.
     pub fn error_of(self, x: f64) -> f64 {
         (x - self.high) - self.low
     }

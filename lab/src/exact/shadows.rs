@@ -1,18 +1,18 @@
-//! The truth of shadows: whether an object hides a light from a visible point, in numbers whose
+//! The truth about shadows: whether an object hides a light from a visible point, in numbers whose
 //! signs are known.
 //!
-//! An answer is a number: it is yes from 0 on, and as far from 0 as the share by which its terms
-//! would have to change for the other one, so that "and" is the lesser of two and "or" the greater.
-//! Shares count the rounding of the point too.
+//! An answer is a number, which means yes if it is at least 0. Its magnitude is the share by which
+//! its terms would have to change for the opposite answer, so that `and` is the minimum and `or`
+//! the maximum of two answers. The rounding of the visible point is part of these shares.
 
 use glam::DVec3;
 
 use super::number::{Number, Operations};
 use super::shapes::{Vector, margin};
 
-/// Of what is exactly so, or not, however the point is rounded.
+/// The answer where no rounding of the point could turn a no into a yes.
 const NEVER: f64 = f64::NEG_INFINITY;
-/// A point is on a surface that is nearer than this share.
+/// A point nearer to a surface than this share counts as on it.
 const ON: f64 = 1e-18;
 
 /// An object that may hide a light.
@@ -21,16 +21,17 @@ pub enum Caster {
     Triangle([DVec3; 3]),
 }
 
-/// From a visible point to a light.
+/// The segment from a visible point P to a light.
 pub struct Segment<N> {
     p: Vector<N>,
     light: Vector<N>,
     g: Vector<N>,
-    /// |P|, and what its rounding is as a share of the margin.
+    /// How far P may be off by rounding, in units of the margin: |P| (1 + units / 16).
     doubt: f64,
 }
 
-/// A number by what its terms and the rounding of P may be.
+/// x relative to `size`, a bound on the magnitudes of its terms and of what the rounding of P
+/// changes. None if that is not known accurately enough.
 fn share<N: Number>(x: &N, size: f64) -> Option<f64> {
     let share = x.to_f64() / size;
     x.sign()?;
@@ -38,7 +39,8 @@ fn share<N: Number>(x: &N, size: f64) -> Option<f64> {
     Some(share)
 }
 
-/// The same where 0 is no: what P is on, by its terms' own size, does not hide.
+/// As `share`, but where P is on the surface the answer is no; that is decided by `own`, the size
+/// of the terms alone. A surface does not hide its own points.
 fn strictly<N: Number>(x: &N, size: f64, own: f64) -> Option<f64> {
     let is_on = x.to_f64().abs() <= ON * own && x.is_within(ON * own);
     if is_on { Some(NEVER) } else { share(x, size) }
@@ -48,14 +50,14 @@ impl<N: Number> Segment<N>
 where
     for<'a> &'a N: Operations<N>,
 {
-    /// From `p`, of which so many units of rounding along its ray are no error.
+    /// The segment from `p` to `light`. Along its ray, `p` may be off by `units` units of rounding.
     pub fn new(p: Vector<N>, light: DVec3, units: f64) -> Self {
         let light = Vector::new(light.into());
         let (g, size) = (light.sub(&p), DVec3::from(p.to_f64()).length());
         Segment { p, light, g, doubt: size * (1.0 + units / 16.0) }
     }
 
-    /// Whether an object other than that of the point hides the light; None if the numbers do not
+    /// Whether an object other than the point's own hides the light. None if the numbers do not
     /// decide.
     pub fn is_hidden_by(&self, caster: &Caster) -> Option<f64> {
         match caster {
@@ -86,7 +88,7 @@ where
     }
 
     fn is_hidden_by_triangle(&self, vertices: [Vector<N>; 3]) -> Option<f64> {
-        // The terms of a far corner would cancel.
+        // Relative to a far corner the terms would cancel, so that the nearest corner is taken.
         let nearest = |sizes: [f64; 3]| (1..3).fold(0, |at, i| if sizes[i] < sizes[at] { i } else { at });
         let seen = vertices.each_ref().map(|v| v.sub(&self.p));
         let sizes = seen.each_ref().map(|v| DVec3::from(v.to_f64()).length());
@@ -97,8 +99,8 @@ where
         let at = nearest(from_light.map(DVec3::length));
         let of_light = &n.dot(&by_light[at]);
         let sure = share(of_light, area * from_light[at].length())?.abs();
-        // Of a needle it is a small share wherever the light is. Where it is 0, so are all terms
-        // below, and P is on the plane.
+        // `sure` is small for a needle, wherever the light is. If it is 0, so are all terms below,
+        // and P is in the plane.
         let side = N::new((-of_light.sign()?).into());
         let at = nearest(sizes);
         let own = DVec3::from(n.to_f64()).length() * sizes[at];
@@ -109,7 +111,7 @@ where
             let edge = from_light[j] - from_light[i];
             let (middle, plane) = (0.5 * (sizes[i] + sizes[j]), from_light[i].cross(edge).length());
             let from_middle = (from_light[i] + 0.5 * edge).length() * edge.length() * middle;
-            // The same volume from either end.
+            // The same volume, computed from either end of the segment.
             let of_light = from_light[i].length() * from_light[j].length();
             let (ends, of_ends) =
                 if of_light < sizes[i] * sizes[j] { (&by_light, of_light) } else { (&seen, sizes[i] * sizes[j]) };
@@ -117,7 +119,7 @@ where
             let inside = share(&g.dot(&ends[i].cross(&ends[j])), size)?;
             (hides, most) = (hides.min(inside), most.max(inside));
         }
-        // Were the light on the other side, all signs would be.
+        // With the light on the other side of the plane, all signs would be opposite.
         let other_side = if of_p == NEVER { f64::INFINITY } else { most.max(sure) };
         Some(hides.max(-other_side).min(sure))
     }

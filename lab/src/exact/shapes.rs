@@ -1,10 +1,10 @@
-//! The truth: one ray against a sphere or a triangle, in numbers whose signs are known, or known to
-//! be unknown.
+//! The truth about one ray and one sphere or triangle, in numbers whose signs are known, or are
+//! known to be unknown.
 //!
 //! The same formulas serve [`Exact`] numbers, whose signs are always known, and
 //! [`Bounded`](super::bounded::Bounded) ones, which are a hundred times as fast and fail to decide
-//! in one of some thousand pixels. The results carry their own margin: by how much the input would
-//! have to change for another answer.
+//! in about one of a thousand pixels. Each result has a margin: by how much the input would have to
+//! change for another result.
 
 use super::digits::Exact;
 use super::number::{Number, Operations};
@@ -16,15 +16,15 @@ impl<N: Number> Vector<N>
 where
     for<'a> &'a N: Operations<N>,
 {
-    /// `v` itself.
+    /// The vector equal to `v`.
     ///
     /// # Panics
-    /// For [`Exact`] numbers, if one is not finite.
+    /// If a component is not finite, and the numbers are [`Exact`].
     pub fn new(v: [f64; 3]) -> Self {
         Vector(v.map(N::new))
     }
 
-    /// Rounded to nearest.
+    /// The components, rounded to nearest.
     pub fn to_f64(&self) -> [f64; 3] {
         self.0.each_ref().map(N::to_f64)
     }
@@ -34,7 +34,7 @@ where
         Vector(std::array::from_fn(|i| &self.0[i] - &b.0[i]))
     }
 
-    /// s self.
+    /// This vector times s.
     pub fn scale(&self, s: &N) -> Self {
         Vector(std::array::from_fn(|i| &self.0[i] * s))
     }
@@ -63,7 +63,7 @@ where
         self.scale(&(&N::new(1.0) / &self.length()))
     }
 
-    /// Divided by its largest component, so that f64 holds it; 0 stays 0.
+    /// The vector divided by its largest component, so that f64 can hold it; 0 stays 0.
     fn in_its_unit(&self) -> Self {
         let [x, y, z] = self.0.each_ref().map(N::abs);
         let larger = |a: N, b: N| if (&a - &b).sign() < Some(0) { b } else { a };
@@ -72,8 +72,8 @@ where
     }
 }
 
-/// The rays of a camera by Algorithm 1's own formula; the grids in f32 and f64 are roundings of
-/// them.
+/// The rays of a camera by Algorithm 1's own formula. The grids of rays in f32 and f64 are
+/// roundings of them.
 #[derive(Clone, Debug)]
 pub struct Rays {
     step: Exact,
@@ -85,8 +85,8 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// The rays of `width` x `height` pixels through a film of that diagonal at that focal
-    /// distance.
+    /// The rays through `width` x `height` pixels of a film with the diagonal `film`, at the focal
+    /// distance `focal`.
     pub fn new(width: u32, height: u32, focal: f32, film: f32) -> Self {
         let [width, height, focal, film] = [width.into(), height.into(), focal.into(), film.into()].map(Exact::new);
         let half = Exact::new(0.5);
@@ -98,7 +98,7 @@ impl Rays {
         Rays { step: &film_width / &width, half_width, half_height, focal, reach }
     }
 
-    /// r_d of a pixel, not normalised.
+    /// The direction r_d of a pixel's ray, not normalised.
     pub fn ray(&self, row: u32, col: u32) -> Ray<Exact> {
         Ray::within(Vector([self.across(col), self.up(row), self.focal.clone()]), self.reach)
     }
@@ -121,12 +121,12 @@ impl Rays {
 /// A ray from the origin.
 #[derive(Clone, Debug)]
 pub struct Ray<N> {
-    /// Its direction, of any length but 0.
+    /// The direction, of any length but 0.
     pub d: Vector<N>,
     /// d . d.
     squared: N,
-    /// The reference of an edge's margin: the greatest magnitude of each component, for this ray or
-    /// all of the picture.
+    /// The scale of the edges' margins: the greatest magnitude of each component of d, in this ray
+    /// or in all rays of the picture.
     reach: [f64; 3],
 }
 
@@ -134,7 +134,7 @@ impl<N: Number> Ray<N>
 where
     for<'a> &'a N: Operations<N>,
 {
-    /// The ray along `d`, taken as exact.
+    /// The ray along `d`, whose components are taken as exact.
     ///
     /// # Panics
     /// As [`Vector::new`].
@@ -142,44 +142,44 @@ where
         Ray::within(Vector::new(d), d.map(f64::abs))
     }
 
-    /// The ray along `d`, one of many whose components are at most `reach`.
+    /// The ray along `d`, one of many rays whose components are at most `reach` in magnitude.
     pub fn within(d: Vector<N>, reach: [f64; 3]) -> Self {
         let squared = d.dot(&d);
         Ray { d, squared, reach }
     }
 
-    /// The ratio of the picture's longest ray to this one, which scales rounding errors in units of
-    /// the film.
+    /// The length of the picture's longest ray divided by that of this ray. It scales rounding
+    /// errors that are given in units of the film.
     pub fn longest_over_this(&self) -> f64 {
         let longest = self.reach.iter().map(|d| d * d).sum::<f64>().sqrt();
         longest / self.squared.sqrt().to_f64()
     }
 }
 
-/// The meeting of a ray and an object.
+/// How a ray meets an object.
 #[derive(Clone, Debug)]
 pub struct Meeting<N> {
     /// The smallest t > 0 at which the ray is on the object; None for a miss.
     pub hit: Option<N>,
-    /// For a miss, the t > 0 at which it would be hit if the margin were overcome. None if nothing
-    /// could make it a hit.
+    /// For a miss, the t > 0 of the hit that would occur if the input changed by the margin. None
+    /// if no small change makes a hit.
     pub miss: Option<N>,
-    /// The distance from the other answer: for a sphere |s|, s = D/(a r^2); for a triangle the edge
-    /// functions divided by the sums of their terms' magnitudes. Infinite if there is no other
-    /// answer.
+    /// The distance from the opposite result, relative to the terms. For a sphere it is |s| with s
+    /// = D/(a r^2), for a triangle that of the edge functions divided by the sums of their terms'
+    /// magnitudes. Infinite if no small change alters the result.
     pub margin: f64,
-    /// The documented bound of |error of t| / t of the robust kernels, in units of their u;
-    /// meaningful for a hit that is further than the margin from a miss.
+    /// The documented bound of |error of t| / t of the robust kernels, in units of the kernel's u.
+    /// It holds for a hit whose margin exceeds the kernel's.
     pub bound: f64,
-    /// The same for SPHERE_HIT3 and TRIANGLE_HIT3, of which the first has one form for all spheres.
+    /// The bound for SPHERE_HIT3 and TRIANGLE_HIT3; the former has a single form for all spheres.
     pub alone: f64,
-    /// 1 / the cosine between the ray and the normal: the factor by which turning the ray changes
+    /// 1 / the cosine between the ray and the normal: the factor by which a turn of the ray changes
     /// t.
     pub slant: f64,
 }
 
 impl<N> Meeting<N> {
-    /// For an object that no ray meets.
+    /// The result for an object that no ray can meet.
     pub const NEVER: Self = Meeting {
         hit: None,
         miss: None,
@@ -190,19 +190,20 @@ impl<N> Meeting<N> {
     };
 }
 
-/// A margin counts as known if it is accurate to 1e-9 of itself, or below this: smaller ones are
-/// never asked for.
+/// A margin counts as known if it is accurate to 1e-9 of itself, or if it is below this value,
+/// since smaller margins make no difference.
 const MARGIN: f64 = 1e-18;
 
-/// The margin `share`, which is `x` > 0 relative to its scale, if `x` is known accurately enough.
+/// The margin `share`, if `x` > 0, of which it is a multiple, is known accurately enough.
 pub(super) fn margin<N: Number>(x: &N, share: f64) -> Option<f64> {
     (x.is_within(1e-9 * x.to_f64()) || share < MARGIN).then_some(share)
 }
 
-/// The bound of |error of t| / t for a sphere `kappa` radii away, of which `k` is kappa^2 - 1.
+/// The bound of |error of t| / t for a sphere whose centre is `kappa` radii away, where `k` is
+/// kappa^2 - 1.
 fn bound_of_sphere(kappa: f64, k: f64, slant: f64) -> f64 {
     match k < 0.0 {
-        // 1 - kappa, which would cancel.
+        // 1 - kappa = -k / (1 + kappa); the difference itself would cancel.
         true => 6.0 + 3.0 / (-k / (1.0 + kappa)).sqrt(),
         false if kappa * kappa < 2.0 => 6.0 + 12.0 * slant,
         false => 5.0 + 6.0 * slant / kappa,
@@ -216,7 +217,7 @@ pub struct Sphere<N> {
     squared_radius: N,
     /// |c|^2 - r^2.
     k: N,
-    /// Its sign: negative for a camera inside.
+    /// The sign of k: negative if the camera is inside.
     side: i8,
     /// |c| / r.
     kappa: f64,
@@ -226,8 +227,8 @@ impl<N: Number> Sphere<N>
 where
     for<'a> &'a N: Operations<N>,
 {
-    /// None if a field is not finite or the radius not greater than 0: it is never hit. Also None
-    /// if it is unknown on which side of it the camera is.
+    /// None for a sphere that is never hit, because a field is not finite or the radius is not
+    /// greater than 0. Also None if it is unknown on which side of the surface the camera is.
     pub fn new(centre: [f64; 3], radius: f64) -> Option<Self> {
         if !(centre.iter().all(|c| c.is_finite()) && radius.is_finite() && radius > 0.0) {
             return None;
@@ -239,12 +240,12 @@ where
         Some(Sphere { centre, inverse_radius: &N::new(1.0) / &radius, squared_radius, k, side, kappa })
     }
 
-    /// Eq. 5; None if the numbers do not decide. The discriminant is that of distant spheres, which
-    /// loses the least.
+    /// Eq. 5. None if the numbers do not decide where the ray meets the sphere. The discriminant is
+    /// computed as a r^2 - |C x d|^2, the form for distant spheres, which loses the fewest digits.
     pub fn meet(&self, ray: &Ray<N>) -> Option<Meeting<N>> {
         let (a, h, inside) = (&ray.squared, ray.d.dot(&self.centre), self.side < 0);
-        // Outside, both roots are then behind the camera, or there is none. On the sphere h^2 may
-        // be a rounding error.
+        // Outside, where h <= 0, both roots are negative or there is none. For a camera on the
+        // sphere, h^2 may be a rounding error.
         let behind = !inside && h.sign()? <= 0;
         if behind && self.side > 0 {
             return Some(Meeting::NEVER);
@@ -256,8 +257,8 @@ where
             return Some(Meeting { margin: s, ..Meeting::NEVER });
         }
         let missed = disc.sign()? < 0;
-        // D = a r^2 - |c x d|^2 is right to 12 u a r^2, so sqrt D to 6 u / s of itself, which is a
-        // part of |h| + sqrt D.
+        // D = a r^2 - |c x d|^2 has an error of at most 12 u a r^2. Its root therefore has a
+        // relative error of at most 6 u / s, of which |h| + sqrt D has a part.
         let along = (&(&h * &h) / &whole).to_f64().sqrt();
         let (slant, alone) = (1.0 / s.sqrt(), 5.0 + 6.0 / (s.sqrt() * (s.sqrt() + along)));
         let bound = bound_of_sphere(self.kappa, (&self.k / &self.squared_radius).to_f64(), slant);
@@ -267,7 +268,7 @@ where
         let root = disc.sqrt();
         let hit = match (self.side, h.sign()) {
             (-1, Some(-1)) => &self.k / &(&h - &root),
-            // As (h - sqrt D) / a it would be its own rounding error if the camera is near the
+            // (h - sqrt D) / a would be little but its own rounding error if the camera is near the
             // sphere.
             (1, _) => &self.k / &(&h + &root),
             _ => &(&h + &root) / a,
@@ -276,7 +277,7 @@ where
         Some(Meeting { hit: Some(hit), miss: None, margin, bound, alone, slant })
     }
 
-    /// The unit normal at t d, outward.
+    /// The outward unit normal at the point t d.
     pub fn normal(&self, ray: &Ray<N>, t: &N) -> Vector<N> {
         ray.d.scale(t).sub(&self.centre).scale(&self.inverse_radius)
     }
@@ -285,14 +286,15 @@ where
 /// A triangle that some ray can hit.
 #[derive(Clone, Debug)]
 pub struct Triangle<N> {
-    /// v x w for the edge from v to w, pointing inwards. Only the direction counts.
+    /// For each edge from v to w the vector v x w, made to point inwards. Only its direction
+    /// matters.
     edges: [Vector<N>; 3],
-    /// n of eq. 6, on the side on which n . v1 is positive, and its length.
+    /// n of eq. 6, with the sign that makes n . v1 positive; `length` is its length.
     plane: Vector<N>,
     length: N,
     /// v1 . n.
     volume: N,
-    /// n / |n|, as eq. 6 has it.
+    /// The unit normal n / |n| with the sign of eq. 6.
     normal: Vector<N>,
 }
 
@@ -300,8 +302,8 @@ impl<N: Number> Triangle<N>
 where
     for<'a> &'a N: Operations<N>,
 {
-    /// None for a triangle that is never hit: of no area, in a plane through the camera, or with a
-    /// vertex that is not finite. Also None if that cannot be decided.
+    /// None for a triangle that is never hit: it has no area, lies in a plane through the camera,
+    /// or has a vertex that is not finite. Also None if that cannot be decided.
     pub fn new(vertices: [[f64; 3]; 3]) -> Option<Self> {
         if !vertices.iter().flatten().all(|v| v.is_finite()) {
             return None;
@@ -341,7 +343,8 @@ where
         let (hit, miss, margin) = match (missed, ahead) {
             (false, true) => (t, None, inside),
             (true, _) => (None, t, outside),
-            // Behind all edges and not in front, only rounding could make it a hit.
+            // The ray is outside of no edge, and yet the triangle is not ahead of it: only rounding
+            // could make it a hit.
             (false, false) => (None, None, 0.0),
         };
         Some(Meeting { hit, miss, margin, bound, alone: bound, slant })

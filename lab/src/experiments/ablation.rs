@@ -16,15 +16,16 @@ use rayo::internals::plan::{Keep, LeftOut, Omission, Switch};
 use rayo::internals::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use rayo::internals::scene::{Camera, Scene};
 
-/// The number of rounds if they all fit into the allowed ticks.
+/// The number of rounds if the allowed ticks suffice for it.
 const ROUNDS: usize = 21;
 /// The least number of rounds: fewer give no usable interval.
 const FEWEST_ROUNDS: usize = 5;
-/// How many pixels are traced at a time, in whole rows, like a frame's tasks.
+/// About how many pixels are traced in one call. A band is whole rows of them, like the tasks that
+/// a frame gives to its threads.
 const BAND_PIXELS: usize = 1 << 14;
-/// The budget of a contestant in every round, as a fraction of the allowed ticks: one in
-/// `BAND_SHARE` for tracing bands; if that is too little, one in `ROWS_SHARE` for tracing one row
-/// and two.
+/// What a contestant may take of the allowed ticks in a round: 1 / `BAND_SHARE` of them to trace a
+/// band. If a band takes longer, only one row and two rows are traced, which together may take 1 /
+/// `ROWS_SHARE`.
 const BAND_SHARE: u64 = 50;
 const ROWS_SHARE: u64 = 10;
 
@@ -33,15 +34,15 @@ const ROWS_SHARE: u64 = 10;
 pub struct Ablation {
     pub cpu: String,
     pub threads: usize,
-    /// The number of rounds. Each traces the scene twice as planned, and once without each
-    /// omission.
+    /// The number of rounds. A round traces the scene twice as planned, so that the two can be
+    /// compared, and once without each omission.
     pub rounds: usize,
     /// The number of rows that were traced, spread evenly over the picture.
     pub rows: usize,
     /// Median TSC cycles per pixel as planned.
     pub cycles_per_pixel: f64,
-    /// The plan compared with itself: a ratio closer to 1 than the ends of this interval is no
-    /// difference.
+    /// The plan timed against itself. A ratio within this interval shows no difference from the
+    /// plan.
     pub control: Timed,
     /// The time with `--keep-all`, divided by that of the plan.
     pub keep_all: Timed,
@@ -49,7 +50,7 @@ pub struct Ablation {
     pub worth: Vec<Worth>,
 }
 
-/// The gain of one line of a plan: the time if it is not left out.
+/// The gain of one omission of a plan: the time without it, relative to the plan's.
 #[derive(Clone, Debug, Serialize)]
 pub struct Worth {
     pub what: &'static str,
@@ -71,7 +72,7 @@ pub struct Timed {
 }
 
 impl Timed {
-    /// For an omission without which no code exists.
+    /// Of an omission that cannot be switched off, since no code does the work that it saves.
     const NO_CODE: Timed =
         Timed { ratio: None, ratio_low: None, ratio_high: None, note: Some("there is no code without it") };
 
@@ -89,57 +90,58 @@ impl Timed {
 /// A tracer of the scene: the plan's, or one without an omission.
 struct Contestant<'a> {
     tracer: Box<dyn Tracer + 'a>,
-    /// Whether it traces floats and then converts them to bytes.
+    /// Whether it traces floats and converts them to bytes afterwards.
     by_floats: bool,
 }
 
 /// How much of the picture a contestant can trace in every round.
 #[derive(Clone, Copy)]
-enum Part {
+enum Workload {
     /// All chosen bands.
     Bands,
-    /// One row of a band, and two rows of it, from which its time is extrapolated.
+    /// One row and two rows of a band, from which the time of a whole band is extrapolated.
     Rows,
-    /// Nothing: it is too slow. A band takes this many ticks, as extrapolated from a single
-    /// measurement.
+    /// No rows, since even these take too long. A band would take this many ticks, extrapolated
+    /// from a single measurement.
     Nothing(u64),
 }
 
-/// The contestants: the plan, the plan again, `--keep-all`, and then the plan without each omission
-/// that can be switched off.
+/// The contestants in order: the plan; the plan again, as the control; `--keep-all`; and the plan
+/// without each omission that can be switched off.
 struct Contestants<'a> {
     all: Vec<Contestant<'a>>,
-    /// For each line of the plan the index of its contestant, if it has one.
+    /// For each of the plan's omissions the index of its contestant, if it has one.
     of_lines: Vec<Option<usize>>,
 }
 
-/// The first contestants, which are always timed on whole bands.
+/// The number of contestants that are the plan itself. They are always timed on whole bands.
 const PLANS: usize = 2;
 
 /// The films that all contestants draw on.
 struct Films {
     out: Film,
-    /// Of no pixels if nobody needs it.
+    /// Floats to be converted to bytes; without pixels if no contestant needs them.
     floats: Film,
 }
 
-/// What the trials have found: what each contestant has time for in a round, and how many ticks a
-/// round takes for each band of those who trace bands, and for all others together.
+/// What was found by tracing the first rows of a band: how much each contestant has time for in a
+/// round. `of_bands` are the ticks for one band by every contestant that traces bands; `of_rows`
+/// are those of all other contestants.
 struct Trials {
-    parts: Vec<Part>,
+    parts: Vec<Workload>,
     of_bands: u64,
     of_rows: u64,
 }
 
-/// The rounds, and the bands that are traced in each.
+/// The number of rounds, and the bands that are traced in each.
 struct Schedule {
     rounds: usize,
     bands: Vec<Range<u32>>,
 }
 
-/// Measures the gain of each of the `lines` of a plan, on one thread, in about `ticks` of the
-/// clock. Only tracing is timed, not planning. `progress` is called with the work done and the
-/// whole work.
+/// Measures the gain of each of the `lines` of a plan, on one thread, in about `ticks` ticks of the
+/// clock. Only tracing is timed, not planning. `progress` is called with the amount of work done
+/// and the total amount.
 ///
 /// # Errors
 /// If the engine cannot run here, or if there is no memory for two pictures.
@@ -237,30 +239,30 @@ impl<'a> Contestants<'a> {
                 |rows: u64| clock.time(&mut || contestant.trace(camera, from_ref(&first_rows(band, rows)), films));
             let is_plan = index < PLANS;
             let one = time(1);
-            // If a band would take long, two rows are timed as well, since much of the time of one
-            // row may be set-up.
+            // If a band would take long, two rows are timed as well: much of the time of the first
+            // row may be set-up, which further rows do not repeat.
             let two = if is_plan || one * band_rows <= ticks / BAND_SHARE { 2 * one } else { time(2) };
             let whole = one + two.saturating_sub(one) * (band_rows - 1);
             trials.parts.push(if is_plan || whole <= ticks / BAND_SHARE {
                 time(band_rows);
                 trials.of_bands += time(band_rows);
-                Part::Bands
+                Workload::Bands
             } else if one + two <= ticks / ROWS_SHARE {
                 trials.of_rows += one + two;
-                Part::Rows
+                Workload::Rows
             } else {
-                Part::Nothing(whole)
+                Workload::Nothing(whole)
             });
             progress(index + 1, self.all.len() + ROUNDS);
         }
         Ok(trials)
     }
 
-    /// The works of a round: for each contestant as many as its part has.
+    /// The calls to be timed in a round: none, one or two for each contestant, as its part says.
     fn works<'b>(
         &'b self,
         camera: &'b Camera,
-        parts: &[Part],
+        parts: &[Workload],
         bands: &'b [Range<u32>],
         middle: &Range<u32>,
         films: &'b RefCell<Films>,
@@ -271,9 +273,9 @@ impl<'a> Contestants<'a> {
         };
         for (contestant, part) in self.all.iter().zip(parts) {
             match part {
-                Part::Bands => add(contestant, bands.to_vec()),
-                Part::Rows => [1, 2].into_iter().for_each(|rows| add(contestant, vec![first_rows(middle, rows)])),
-                Part::Nothing(_) => {}
+                Workload::Bands => add(contestant, bands.to_vec()),
+                Workload::Rows => [1, 2].into_iter().for_each(|rows| add(contestant, vec![first_rows(middle, rows)])),
+                Workload::Nothing(_) => {}
             }
         }
         works
@@ -281,11 +283,11 @@ impl<'a> Contestants<'a> {
 }
 
 impl Trials {
-    /// The rounds and bands for which `ticks` suffice. An interval needs rounds: where time is
-    /// short, fewer rows are traced rather than fewer rounds.
+    /// The rounds and bands for which `ticks` suffice. A confidence interval needs several rounds:
+    /// where time is short, fewer rows are traced rather than fewer rounds.
     fn schedule(&self, ticks: u64, bands: &[Range<u32>]) -> Schedule {
         let left = ticks.saturating_sub(FEWEST_ROUNDS as u64 * self.of_rows);
-        // Bands, each of them once a round.
+        // How many bands can be traced in all rounds together.
         let affordable = (left / self.of_bands.max(1)) as usize;
         let most = (ticks / self.of_rows.max(1)).clamp(FEWEST_ROUNDS as u64, ROUNDS as u64) as usize;
         let rounds = affordable.clamp(FEWEST_ROUNDS, most);
@@ -296,26 +298,26 @@ impl Trials {
     }
 }
 
-/// The ratio of each contestant's time to the plan's. `bands` of `band_rows` rows were traced in
-/// each round.
-fn against_plan(parts: &[Part], runs: &[Runs], bands: usize, band_rows: usize) -> Vec<Timed> {
+/// The ratio of each contestant's time to the plan's, from `runs`, in each of which `bands` bands
+/// of `band_rows` rows were traced.
+fn against_plan(parts: &[Workload], runs: &[Runs], bands: usize, band_rows: usize) -> Vec<Timed> {
     let estimate = |own: &Runs| Pairs::of(own, &runs[0]).estimate(1);
     let planned = median(&runs[0].ticks);
     let mut in_turn = runs.iter();
     let mut next = || in_turn.next().expect("every contestant has the works of its part");
-    let of_part = |part: &Part| match part {
-        Part::Bands => Timed::of(estimate(next()), None),
-        Part::Rows => {
+    let of_part = |part: &Workload| match part {
+        Workload::Bands => Timed::of(estimate(next()), None),
+        Workload::Rows => {
             let extrapolated = extrapolate(next(), next(), bands, band_rows);
             Timed::of(estimate(&extrapolated), Some("extrapolated from one row and from two"))
         }
-        Part::Nothing(band) => Timed::once(bands as f64 * *band as f64 / planned),
+        Workload::Nothing(band) => Timed::once(bands as f64 * *band as f64 / planned),
     };
     parts.iter().map(of_part).collect()
 }
 
-/// The times of `bands`, from those of one row and of two: each further row is assumed to cost as
-/// much as the second one.
+/// The times of `bands` bands, extrapolated from the times of one row and of two: each further row
+/// is assumed to take as long as the second one.
 fn extrapolate(one: &Runs, two: &Runs, bands: usize, band_rows: usize) -> Runs {
     let all = |(one, two): (&f64, &f64)| bands as f64 * (one + (two - one).max(0.0) * (band_rows - 1) as f64);
     Runs {
@@ -325,12 +327,12 @@ fn extrapolate(one: &Runs, two: &Runs, bands: usize, band_rows: usize) -> Runs {
     }
 }
 
-/// The first rows of a band, at most as many as it has.
+/// The first `rows` rows of a band, or all if it has fewer.
 fn first_rows(band: &Range<u32>, rows: u64) -> Range<u32> {
     band.start..band.start + rows.min(band.len() as u64) as u32
 }
 
-/// The rows of a picture as a frame hands them to a thread.
+/// Divides the rows of a picture into bands, as a frame divides them into tasks for threads.
 fn bands(camera: &Camera, together: u32) -> Vec<Range<u32>> {
     let rows = (BAND_PIXELS / camera.width() as usize).max(1).next_multiple_of(together as usize);
     let start = |row: u32| row..(row + rows as u32).min(camera.height());

@@ -1,4 +1,5 @@
-//! Error and run time of every engine, precision and output, on ordinary and on stiff scenes.
+//! Error and run time of every engine, precision and output, on ordinary and on ill-conditioned
+//! scenes.
 
 pub mod errors;
 pub mod front;
@@ -26,11 +27,12 @@ use rayo::internals::render::{Engine, EngineError, Film, PixelFormat, Plan, Prec
 use rayo::internals::scene::Scene;
 use subjects::Subject;
 
-/// The limits on the rounds of a quick run, and of a full one: rounds end when a scene has taken
-/// `seconds`, but not before `least` nor after `most`.
+/// The limits on the number of rounds, in a quick run and in a full one. A scene's rounds end after
+/// `seconds`, but not before `least` rounds nor after `most`.
 const ROUNDS: [Rounds; 2] = [Rounds { least: 3, most: 15, seconds: 0.15 }, Rounds { least: 5, most: 51, seconds: 1.0 }];
 
-/// See [`Contender::levels_by_estimates`].
+/// The error of SPHERE_LIT's estimated roots in levels; derived at
+/// [`Contender::levels_by_estimates`].
 pub const ESTIMATES: f64 = 0.75;
 
 /// The rate of a clock.
@@ -38,7 +40,7 @@ pub const ESTIMATES: f64 = 0.75;
 pub struct Rate {
     /// Ticks per second.
     pub hz: f64,
-    /// Whether the clock is the time-stamp counter.
+    /// Whether the clock is the CPU's time-stamp counter.
     pub of_counter: bool,
 }
 
@@ -48,7 +50,7 @@ struct Rounds {
     seconds: f64,
 }
 
-/// An engine in one of its precisions.
+/// An engine in one of its precisions, with or without its plan's omissions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
     pub engine: Engine,
@@ -71,7 +73,7 @@ impl Entry {
     }
 }
 
-/// An entry by the names that documents use.
+/// The names of an entry as the documents use them.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Who {
     pub engine: Name,
@@ -88,7 +90,7 @@ impl From<Entry> for Who {
     }
 }
 
-/// Every engine of this machine in every precision that it has.
+/// Every engine that this machine runs, in every precision that it has.
 pub fn contenders() -> Vec<Contender> {
     let engines = Engine::ALL.iter().filter(|engine| engine.usable());
     engines
@@ -100,7 +102,7 @@ pub fn contenders() -> Vec<Contender> {
         .collect()
 }
 
-/// All contenders; each engine that leaves work out is there once more with `--keep-all`.
+/// All contenders, and once more with `--keep-all` each one whose engine omits work.
 pub fn contenders_and_options() -> Vec<Contender> {
     let with_option = |contender: Contender| {
         let leaves_out = contender.engine.omissions().contains(&Omission::Misses);
@@ -118,13 +120,13 @@ impl Contender {
         Ok(Plan::new(self.engine, scene, self.purpose())?.into_tracer())
     }
 
-    /// Whether the contender can trace the scene: not if the scene has shadows and the engine has
-    /// none.
+    /// Whether the contender can trace the scene: an engine without shadows cannot trace a scene
+    /// that has them.
     pub fn can_trace(self, scene: &Scene) -> bool {
         self.engine.has_shadows() || !scene.shadows
     }
 
-    /// The purpose for which its plans are made.
+    /// The options with which its plans are made.
     pub fn purpose(self) -> Purpose<'static> {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
         Purpose { precision: Some(self.precision), keep, ..Purpose::default() }
@@ -155,8 +157,8 @@ impl Contender {
         }
     }
 
-    /// The outputs that get a row: floats, and also bytes if the engine does not make them from its
-    /// floats.
+    /// The outputs that get a row: floats; and bytes too, unless the engine makes them by
+    /// converting its floats.
     fn entries(self, tracer: &dyn Tracer) -> Vec<Entry> {
         let other_bytes = self.engine != Engine::Reference && self.precision != Precision::Fast;
         let bytes = other_bytes && tracer.writes(PixelFormat::Rgb8);
@@ -172,7 +174,8 @@ pub struct Accuracy {
     /// The scene: the name of its file, or its family with the value of the parameter.
     pub scene: String,
     pub family: Option<Name>,
-    /// How ill-conditioned the scene is: 0 ordinary, 1 between, 2 at the end of the family's range.
+    /// How ill-conditioned the scene is: 0 ordinary, 1 intermediate, 2 at the extreme end of its
+    /// family's range.
     pub stiffness: Option<usize>,
     pub width: u32,
     pub height: u32,
@@ -192,8 +195,8 @@ pub struct Accuracy {
     /// other figure includes it.
     pub setup_ns: f64,
     pub runs: usize,
-    /// The error by which fronts are made: the root mean square error of a linear colour, or of a
-    /// level as a share of 255.
+    /// The error that the Pareto front is made by: the root mean square error of a linear colour
+    /// or, for bytes, of a level divided by 255.
     pub error: f64,
     /// Whether the row is on the Pareto front of its scene and output: no other row is at least as
     /// good in error and time, and better in one.
@@ -215,7 +218,7 @@ pub struct AccuracyReport {
     pub against_plain: Vec<plain::AgainstPlain>,
 }
 
-/// The errors of one entry on one scene.
+/// An entry's errors on one scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
     pub entry: Entry,
@@ -230,8 +233,8 @@ pub fn expect(scene: &Scene) -> Vec<TruePixel> {
     on_all_cores(camera.height() as usize, in_row).into_iter().flatten().collect()
 }
 
-/// The errors of a tracer's picture: its `height` rows in `format` are compared with what is
-/// `expected`, and added to an empty tally.
+/// The errors of a tracer's picture of `height` rows in `format`, compared with the `expected`
+/// pixels and added to an empty tally.
 pub fn errors_of(
     tracer: &dyn Tracer,
     height: u32,
@@ -248,8 +251,8 @@ pub fn errors_of(
     Ok(tally.errors())
 }
 
-/// The errors of the picture of a scene by every contender that has its shadows, computed by all
-/// threads; nothing is timed.
+/// The errors on a scene of every contender that can trace it, computed by all threads. Nothing is
+/// timed.
 pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, LabError> {
     let camera = scene.camera;
     let expected = expect(scene);
@@ -268,8 +271,9 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Lab
     Ok(judged.into_iter().collect::<Result<Vec<_>, LabError>>()?.concat())
 }
 
-/// Core seconds to find the truth of a ray, and to judge one engine's answer to it: averages over
-/// all families on our machine, which serve only to forecast the time of a run.
+/// Core seconds to find the true result of a ray, and to compare one engine's result with it. Both
+/// are averages over all families, measured on one machine, and serve only to forecast the time of
+/// a run.
 const TRUTH_SECONDS: f64 = 4e-5;
 const ANSWER_SECONDS: f64 = 4e-6;
 
@@ -354,8 +358,8 @@ pub fn measure(
     }
     let scene = &subject.scene;
     let cases = timed_cases(scene, &judged, &contenders)?;
-    // The first round is not counted: it warms up, and its duration says how many rounds there is
-    // time for.
+    // The first round warms up and is not counted; its duration shows how many rounds there is time
+    // for.
     let Rounds { least, most, seconds } = ROUNDS[usize::from(!quick)];
     let mut bench = Bench::default();
     let start = Instant::now();
@@ -378,7 +382,7 @@ pub fn measure(
     Ok(Some(Measured { rows, against_plain }))
 }
 
-/// The error by which fronts are made; see [`Accuracy::error`].
+/// The error that the Pareto front is made by; see [`Accuracy::error`].
 pub fn error(errors: &Errors, output: PixelFormat) -> f64 {
     if output.is_8bit() {
         errors.psnr.map_or(0.0, |psnr| 10f64.powf(-psnr / 20.0))
@@ -387,7 +391,7 @@ pub fn error(errors: &Errors, output: PixelFormat) -> f64 {
     }
 }
 
-/// Marks the front of each scene and output.
+/// Marks the rows on the Pareto front of each scene and output.
 pub fn mark(rows: &mut [Accuracy]) {
     let keys: BTreeSet<_> = rows.iter().map(|row| (row.scene.clone(), row.who.output.clone())).collect();
     for (scene, output) in keys {

@@ -17,7 +17,7 @@ use rayo::internals::scene::Rng;
 
 /// The seed of the inputs that the program uses.
 const SEED: u64 = 1;
-/// How many inputs of each source of numbers the program tries, for single vectors and for packets.
+/// How many inputs the program tries from each source of numbers, of single vectors and of packets.
 const CASES: u32 = 200;
 
 /// A kernel that failed its check, and is not counted or timed.
@@ -33,7 +33,7 @@ pub struct Failed {
 /// How a kernel failed.
 #[derive(Clone, Debug, PartialEq)]
 pub enum What {
-    /// Its result differs from its twin's: every number of both.
+    /// Its result differs from its twin's. The list has every number of both.
     Result(Vec<ResultLane>),
     /// It broke rules of the calling convention.
     Convention(CheckedCall),
@@ -130,8 +130,8 @@ pub fn kernels_in<R>(work: impl FnOnce() -> R) -> Result<R, Box<Failed>> {
     })
 }
 
-/// Makes a checked call of `op`, with each argument in an allocation of its own, beside which there
-/// may be a guard page.
+/// Makes a checked call of `op`. Each argument has an allocation of its own, so that a guard page
+/// can stand beside it.
 fn call_alone<A: Plain, B: Plain, O: Plain>(op: Op<A, B, O>, a: &A, b: &B) -> Result<O, What> {
     let (a, b, mut out) = (vec![*a], vec![*b], vec![O::ZERO]);
     kept(examine(|| op.call_into(&mut out[0], &a[0], &b[0])))?;
@@ -144,7 +144,7 @@ fn call_alone<A: Plain, B: Plain, O: Plain>(op: Op<A, B, O>, a: &A, b: &B) -> Re
 /// A broken rule, or a crash.
 ///
 /// # Panics
-/// If `input` is not of its kind.
+/// If `input` belongs to another kind of operation.
 pub fn call(op: OpRef, input: &Input) -> Result<Lanes, What> {
     let vector = |result: Vec4| result.lanes();
     let scalar = |x: f32| [x, 0.0, 0.0, 0.0];
@@ -165,7 +165,7 @@ pub fn call(op: OpRef, input: &Input) -> Result<Lanes, What> {
 /// A lane that differs, a broken rule of the calling convention, or a crash.
 pub fn one(op: OpRef, input: &Input, twin: &dyn Fn(&Input) -> Lanes) -> Result<Lanes, Box<Failed>> {
     let expected = twin(input);
-    // A scalar is in the first lane, and the kernel does not write the others.
+    // A scalar result is in the first lane; the kernel does not write the others.
     let numbers = if matches!(op, OpRef::Scalar(_) | OpRef::Sphere(_) | OpRef::Triangle(_)) { 1 } else { 4 };
     let result = call(op, input).and_then(|got| compare(&got[..numbers], &expected[..numbers]));
     match result {
@@ -182,8 +182,8 @@ pub fn operation(op: OpRef, twin: &dyn Fn(&Input) -> Lanes) -> Result<(), Box<Fa
     cases(op, CASES, SEED).try_for_each(|case| one(op, &case.input, twin).map(drop))
 }
 
-/// Checks the operation `name` of the single-vector macros in that form; does nothing if there is
-/// none.
+/// Checks the single-vector macro `name` in that form against its twin; does nothing if there is no
+/// such macro.
 pub fn macros(form: Form, name: &str, kernels: &AosKernels) -> Result<(), Box<Failed>> {
     let op = kernels.ops().find(|(known, _)| *known == name);
     op.map_or(Ok(()), |(_, op)| operation(op, &|input| twins::of_macros(form, name, input)))
@@ -218,8 +218,8 @@ pub fn operation_on_packets<E: PacketElement + Number + Debug>(
     Ok(())
 }
 
-/// Compares an operation on packets that takes no record with its twin, on a packet with the same
-/// vector in each lane.
+/// Compares an operation on packets, one that takes no record, with its twin, on a packet that has
+/// the same vector in each lane.
 ///
 /// # Errors
 /// If the result is wrong, a rule of the calling convention is broken, or the kernel crashes.
@@ -233,8 +233,8 @@ pub fn one_on_packets<E: PacketElement + Number + Debug>(
     some_packets(op, isa, 1, &[], || numbers.next().unwrap_or(E::ZERO))
 }
 
-/// Makes a checked call of `op` on a number of packets of `numbers`, with a record if it takes one,
-/// and compares each vector's result with the twin's.
+/// Makes a checked call of `op` on a number of packets whose elements are `numbers`, with a record
+/// if it takes one, and compares each vector's result with the twin's.
 fn some_packets<E: PacketElement + Number + Debug>(
     op: &PacketOp<E>,
     isa: Isa,
@@ -249,7 +249,7 @@ fn some_packets<E: PacketElement + Number + Debug>(
     b.extend(record);
     let mut out = many(shape.out_numbers * vectors);
     let called = kept(examine(|| op.call(&mut out, &a, &b)));
-    // The numbers of one vector of a packet.
+    // The `count` numbers of one vector, which packets hold `lanes` apart.
     let of = |numbers: &[E], count: usize, vector: usize| -> Vec<E> {
         (0..count).map(|i| numbers[(vector / lanes * count + i) * lanes + vector % lanes]).collect()
     };
@@ -258,7 +258,7 @@ fn some_packets<E: PacketElement + Number + Debug>(
         (of(&a, 3, vector), own)
     };
     let failed = |vector: usize, what: What| {
-        // A call of no packets has no vector.
+        // With no packets there is no vector to name in an error.
         let (a, b) = if vectors > 0 { operands(vector) } else { Default::default() };
         let arguments = vec![Argument::new("a", &a), Argument::new("b", &b)];
         Box::new(Failed { symbol: op.symbol().into(), arguments, what })
@@ -272,8 +272,8 @@ fn some_packets<E: PacketElement + Number + Debug>(
     Ok(())
 }
 
-/// The result of the twin of an operation on packets for one vector, with that ISA's rounding
-/// (fused or not).
+/// What the twin of an operation on packets gives for one vector, rounded as that ISA rounds: fused
+/// or not.
 pub fn twin_on_packets<E: PacketElement + Number>(op: &PacketOp<E>, isa: Isa, a: &[E], b: &[E]) -> Vec<E> {
     let a = a.try_into().expect("a vector has three numbers");
     match isa {
@@ -282,8 +282,8 @@ pub fn twin_on_packets<E: PacketElement + Number>(op: &PacketOp<E>, isa: Isa, a:
     }
 }
 
-/// Checks that a chain, which is to be timed, keeps the calling convention. Its result needs no
-/// check, since it consists of the operation's macro.
+/// Checks that a chain of operations, which is to be timed, keeps the calling convention. Its
+/// result needs no check: it is made by the operation's macro, which is checked by itself.
 ///
 /// # Errors
 /// A broken rule, or a crash.

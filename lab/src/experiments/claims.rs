@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::document::Experiment;
 use super::jumps::Jumps;
-use super::lab::Taken;
+use super::lab::PreemptedCount;
 use super::ladder::{self, AgainstCompiler, Rung};
 use super::speedup::{BASELINE, CONTROL, PAPER, Speedup, Timing};
 use super::sweeps::{self, Axis};
@@ -13,7 +13,7 @@ use crate::measure::Name;
 use crate::measure::statistics::{Estimate, maximum, minimum};
 use rayo::internals::plan::grouped;
 
-/// A claim of the paper with the verdict on it. The field names are those of the JSON document.
+/// A claim of the paper with its verdict. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Claim {
     pub claim: Name,
@@ -21,20 +21,21 @@ pub struct Claim {
     pub figure: String,
 }
 
-/// The largest residual with which a cost counts as linear.
+/// The largest residual, relative to the cost, with which a cost counts as linear.
 const STRAIGHT: f64 = 0.05;
 /// The range that counts as "about 6". The paper's own ratios are from 6.1 to 6.8.
 const ABOUT_SIX: [f64; 2] = [5.0, 7.0];
-/// By how much two measurements of the same ratio may differ, as a share of it, since one is of a
-/// single size and the other of many.
+/// By how much two measurements of the same ratio may differ, relative to it. One is of a single
+/// size and the other of many, so that they need not be equal.
 const SAME: f64 = 0.25;
 /// The widest interval, as a share of its ratio, that allows a verdict.
 const READABLE: f64 = 0.25;
-/// The least share of a factor with which a cause counts as one that matters.
+/// The least share of a factor, on a logarithmic scale, with which a cause counts as one that
+/// matters.
 const MATTERS: f64 = 0.10;
 
 /// The verdict on every claim, from the table, the sweeps, the jumps and the rungs of the ladder.
-/// What was not measured is empty or None.
+/// Whatever was not measured is empty or None.
 pub fn judge(of: &Experiment, rungs: &[Rung]) -> Vec<Claim> {
     let objections = objections(of, rungs);
     let claim = |claim: &'static str, by: &[Source], judged: Judged| {
@@ -63,7 +64,7 @@ pub fn judge(of: &Experiment, rungs: &[Rung]) -> Vec<Claim> {
     ]
 }
 
-/// A verdict, and the figure on which it rests, in words.
+/// A verdict, and in words the figure on which it rests.
 struct Judged {
     verdict: Verdict,
     figure: String,
@@ -82,8 +83,8 @@ impl Judged {
         Judged::new(Verdict::NotTestable, "the time-stamp counter is not known to tick at a constant rate")
     }
 
-    /// The verdict in view of an objection to the measurement on which it rests. A verdict that
-    /// already says why nothing can be decided stays as it is.
+    /// Replaces the verdict by the one of an objection to its measurement. A verdict that already
+    /// says why nothing can be decided stays as it is.
     fn unless(self, objection: &Objection) -> Self {
         if [Verdict::NotMeasured, Verdict::NotTestable].contains(&self.verdict) {
             return self;
@@ -101,16 +102,16 @@ enum Source {
     Jumps,
 }
 
-/// A reason why a part of the measurement cannot decide claims although it was made, and the
-/// verdict that replaces theirs.
+/// A reason why a part of the measurement cannot decide the claims that rest on it, and the verdict
+/// that these get.
 struct Objection {
     source: Source,
     verdict: Verdict,
     why: String,
 }
 
-/// Why this run cannot give some verdicts that it should have given: others had the core, or two
-/// measurements of the same ratio disagree.
+/// Why this run cannot give some verdicts that a run should give: measurements were preempted, or
+/// two measurements of the same ratio disagree.
 pub fn disturbed(of: &Experiment, rungs: &[Rung]) -> Vec<String> {
     let mut reasons: Vec<String> = objections(of, rungs).into_iter().map(|objection| objection.why).collect();
     reasons.dedup();
@@ -126,12 +127,13 @@ fn objections(of: &Experiment, rungs: &[Rung]) -> Vec<Objection> {
         (Source::Ladder, of_ladder, "pictures of the ladder"),
     ] {
         if !taken.leaves_enough() {
-            let Taken { taken, of } = taken;
-            let why = format!("others had the core in {taken} of {of} {what}, each time that they were tried");
+            let PreemptedCount { preempted, measured } = taken;
+            let why =
+                format!("others had the core in {preempted} of {measured} {what}, each time that they were tried");
             objections.push(too_few(source, why));
         }
     }
-    // A single disturbed point bends a line, so that none is allowed.
+    // A single preempted point would bend a line, so that none is allowed.
     let taken: usize = of.sweeps.iter().map(|sweep| sweep.taken).sum();
     if taken > 0 {
         let counts: usize = of.sweeps.iter().map(|sweep| sweep.points.len()).sum();
@@ -148,8 +150,8 @@ fn objections(of: &Experiment, rungs: &[Rung]) -> Vec<Objection> {
     objections
 }
 
-/// The reason if the table and the ladder, which both measure `c` and `paper`, disagree on their
-/// ratio.
+/// The reason for distrust if the table and the ladder, which both measure `c` and `paper`,
+/// disagree on their ratio.
 fn apart(table: &Speedup, rungs: &[Rung]) -> Option<String> {
     let ladder = ladder::ratio(rungs, BASELINE, CONTROL)?;
     let table = table.c_by_simd;
@@ -175,8 +177,8 @@ fn one_run(table: &Speedup) -> bool {
     table.rows.iter().any(|row| row.samples.len() < 2)
 }
 
-/// The claim that SIMD is about 6 times faster: decided only if the whole interval is inside or
-/// outside of [`ABOUT_SIX`].
+/// The verdict on the claim that SIMD is about 6 times as fast: decided only if the whole interval
+/// is inside [`ABOUT_SIX`] or outside of it.
 fn factor(of: &Experiment, rungs: &[Rung]) -> Judged {
     let ours = of.table.c_by_simd;
     let [low, high] = ABOUT_SIX;
@@ -195,9 +197,9 @@ fn factor(of: &Experiment, rungs: &[Rung]) -> Judged {
     Judged::new(verdict, format!("{figure}; about 6 is from {low} to {high}, and the interval {where_it_is}"))
 }
 
-/// The claim that the ratio does not depend on the size. The largest difference between two sizes
-/// is compared with the paper's, once with the ratios as far apart as their intervals allow and
-/// once as close together.
+/// The verdict on the claim that the ratio does not depend on the size. The largest difference
+/// between two sizes is compared with the paper's: once with the ratios as far apart as their
+/// intervals allow, and once as close together.
 fn constant_ratio(speedup: &Speedup) -> Judged {
     let rows: Vec<_> = speedup.rows.iter().filter(|row| row.is(CONTROL)).collect();
     let (first, last) = (rows[0], rows[rows.len() - 1]);
@@ -262,8 +264,8 @@ fn linear(of: &Experiment, axis: Axis) -> Judged {
     Judged::new(of_axis.iter().map(straight).fold(Verdict::Reproduced, Verdict::and), figure)
 }
 
-/// The cost of calls in the paper's SIMD and in the C, as ratios, and their share of the factor
-/// between the C that calls its functions and the SIMD.
+/// What calls cost in the paper's SIMD and in the C, as ratios of the times with calls and without,
+/// and their share of the factor between the C that calls its functions and the SIMD.
 struct Calls {
     simd: Estimate,
     c: Estimate,
@@ -278,7 +280,7 @@ impl Calls {
         let others = [("c, called", "sqrtf"), ("inlined", "lean"), ("lean", "paper")];
         let others = others.into_iter().map(|(a, b)| ratio(rungs, a, b)).collect::<Option<Vec<_>>>()?;
         let product = |end: fn(&Estimate) -> f64| others.iter().map(end).product::<f64>();
-        // Where there is no factor to explain, calls have no share of it.
+        // Without a factor to explain, calls have no share of it.
         let share = |calls: f64, others: f64| match calls * others {
             whole if whole > 1.0 => calls.ln() / whole.ln(),
             _ => f64::NAN,
@@ -310,7 +312,7 @@ fn macros_matter_little(of: &Experiment, rungs: &[Rung]) -> Judged {
 
 fn macros_explain(rungs: &[Rung]) -> Judged {
     let Some(Calls { c, share, whole, .. }) = Calls::of(rungs) else { return Judged::not_measured() };
-    // Three lanes of four give a factor of 3; the claim is about the rest.
+    // Three of four lanes in use explain a factor of 3; the claim is about the rest.
     let beyond = Estimate { value: whole.value / LANES, low: whole.low / LANES, high: whole.high / LANES };
     let figure = format!(
         "beyond the {LANES} of its lanes there is a factor of {:.2} to explain; calls are {:.2} ({} % of the factor of \
@@ -320,8 +322,8 @@ fn macros_explain(rungs: &[Rung]) -> Judged {
         percent(share),
         whole.value,
     );
-    // If nothing remains to be explained, calls have no share of it; at the end of an interval that
-    // may include nothing, the share could be any.
+    // If the rest is no more than 1, nothing remains to be explained, and calls have no share of
+    // it. Where only an end of the interval is no more than 1, the share could be anything.
     let share =
         |calls: f64, beyond: f64, of_nothing: f64| if beyond > 1.0 { calls.ln() / beyond.ln() } else { of_nothing };
     let share = Estimate {
@@ -332,10 +334,10 @@ fn macros_explain(rungs: &[Rung]) -> Judged {
     Judged::new(Verdict::at_least(share, 0.5), figure)
 }
 
-/// The claim that code written by hand is faster than compiled code. It compares the paper's SIMD
-/// with its C compiled with the same omissions, and the packets' kernel with the same closed form
-/// compiled. The figure names intrinsics too, but the verdict ignores them, since they are written
-/// by hand.
+/// The verdict on the claim that code written by hand is faster than compiled code. It compares the
+/// paper's SIMD with its C compiled with the same omissions, and the packet kernel with the same
+/// closed form compiled. Intrinsics are in the figure, but not in the verdict, since they too are
+/// written by hand.
 fn by_hand(of: &Experiment, rungs: &[Rung]) -> Judged {
     let Some(paper) = ratio(rungs, "lean", "paper") else { return Judged::not_measured() };
     let with_interval = |of: Estimate| format!("{:.2} [{:.2}, {:.2}]", of.value, of.low, of.high);
@@ -418,7 +420,7 @@ mod tests {
             runs: 3,
             asked_sizes: PAPER.len(),
             asked_runs: 3,
-            taken: Taken { taken: 0, of: PAPER.len() },
+            taken: PreemptedCount { preempted: 0, measured: PAPER.len() },
         }
     }
 
@@ -571,7 +573,7 @@ mod tests {
             [(10, &[][..]), (11, &["about 6", "the size", "in pixels", "calls matter", "calls explain"])]
         {
             let mut busy = clean.clone();
-            busy.table.taken = Taken { taken, of: 20 };
+            busy.table.taken = PreemptedCount { preempted: taken, measured: 20 };
             none_of(&busy, &rungs, claims, too_few, "the core in 11 of 20 pairs");
         }
         let busy: Vec<_> = rungs.iter().map(|rung| Rung { taken: vec![true, true, false], ..rung.clone() }).collect();

@@ -42,7 +42,7 @@ const LIGHTS: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// The size of the pictures in which objects or lights vary.
 const SIZE: (u32, u32) = (1632, 1224);
 const QUICK_SIZE: (u32, u32) = (204, 153);
-/// The limits of a quick run: the most pixels, and the most objects.
+/// The limits of a quick run: at most so many pixels, and at most so many objects.
 const QUICK_PIXELS: u64 = 1_000_000;
 const QUICK_OBJECTS: u64 = 10_000;
 /// The number of runs of every picture.
@@ -50,15 +50,15 @@ pub const RUNS: usize = 9;
 /// The number of runs of every picture in a quick run.
 pub const QUICK_RUNS: usize = 2;
 const SEED: u64 = 7;
-/// The largest distance of the mesh's vertices from a sphere, as a share of its radius.
+/// How far the mesh's vertices may be from a sphere, as a share of its radius.
 const BUMPS: f64 = 0.3;
 
-/// The name of the contestant that only fills the film with zeros, by plain stores.
+/// The name of the contestant that only fills the film with zeros, by ordinary stores.
 pub const ZEROS: &str = "zeros";
 
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Only small pictures, and few objects.
+    /// Whether to measure only small pictures and few objects.
     pub quick: bool,
     pub runs: usize,
     /// The packet engines, slowest first. Only the last one, the fastest, traces the scenes of many
@@ -88,7 +88,7 @@ impl Settings {
         OBJECTS.into_iter().filter(move |count| *count <= most)
     }
 
-    /// How many times [`measure`], called for every line, calls `proceed` with work 1.
+    /// How many times [`measure`] calls `proceed` with work 1 if it is called for every line.
     pub fn work(&self) -> u64 {
         let pixels = self.sizes().count() * OUTPUTS.len();
         (pixels + self.objects().count() * SCENES.len() + LIGHTS.len()) as u64
@@ -106,7 +106,7 @@ struct GrowingScene {
     make: fn(u64, Camera) -> Scene,
 }
 
-/// The scenes of growing numbers of objects.
+/// The scenes whose number of objects grows.
 const SCENES: [GrowingScene; 5] = [
     GrowingScene { name: "spheres", make: spheres },
     GrowingScene { name: "triangles", make: triangles },
@@ -128,8 +128,8 @@ pub struct Growth {
     pub engine: Name,
     pub output: Name,
     pub keep_all: bool,
-    /// Median TSC cycles of the set-up, from the parsed scene to the first ray; None where the
-    /// times below do not include it.
+    /// Median TSC cycles of the set-up, from the parsed scene to the first ray. None for rows whose
+    /// times do not include it.
     pub setup_cycles: Option<f64>,
     /// Median TSC cycles of the picture.
     pub cycles_median: f64,
@@ -166,7 +166,7 @@ pub struct Slope {
     pub engine: Name,
     pub output: Name,
     pub keep_all: bool,
-    /// The smallest count among the points of the line.
+    /// The smallest count among the points that the line is fitted to.
     pub from: u64,
     /// The largest count among them.
     pub to: u64,
@@ -175,7 +175,8 @@ pub struct Slope {
     pub line: Line,
 }
 
-/// Everything that was measured, where, and with what; `docs/complexity.schema.json` is its schema.
+/// All that was measured, on which machine and with which settings; `docs/complexity.schema.json`
+/// is its schema.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Complexity {
     pub machine: Machine,
@@ -221,8 +222,8 @@ fn layers(count: u64, camera: Camera) -> Scene {
     let mut rng = Rng::new(SEED);
     let mut layer = |_| {
         let depth = rng.between(100.0, 300.0);
-        // Each triangle's edges are about as far from the axis as its depth, while the corners of
-        // the picture are at half of that distance: so it fills the picture.
+        // A triangle's edges are about as far from the axis as its depth, and the corners of the
+        // picture are at half of that distance, so that the triangle fills the picture.
         let corners = [(2.0, 0.0), (-1.0, 1.75), (-1.0, -1.75)];
         let vertices = corners.map(|(x, y)| depth * Vec3::new(x, y, 1.0));
         Triangle { colour: Vec3::ONE, vertices }
@@ -246,8 +247,8 @@ fn crowd(count: u64, camera: Camera) -> Scene {
     Scene { spheres, ..scattered(many(0, 0, SEED), camera) }
 }
 
-/// The experiment's sphere under `count` lights in a half circle above it, together as strong as
-/// its one.
+/// The experiment's sphere under `count` lights in a half circle above it, which together are as
+/// bright as the experiment's one light.
 fn lit(count: u64, camera: Camera) -> Scene {
     let mut scene = speedup::scene();
     scene.camera = camera;
@@ -271,15 +272,15 @@ fn clear(film: FilmMut<'_>) {
     }
 }
 
-/// What is timed for a picture: an engine, or the loop that fills the film with zeros.
+/// What is timed: an engine, or the loop that fills the film with zeros.
 #[derive(Clone, Copy)]
 enum Contestant {
     Engine(Engine, Keep),
     Zeros,
 }
 
-/// How many lines there are to [`measure`]. A line is a scene and a pixel format in which one count
-/// varies; the points of a slope belong to one line, and so are timed on the same machine.
+/// The number of lines to [`measure`]. A line is a scene and a pixel format in which one count
+/// varies. A slope is fitted to points of one line, which one process times.
 pub const LINES: usize = OUTPUTS.len() + SCENES.len() + 1;
 
 /// The pictures of a line, each of which has more pixels, objects or lights than the one before.
@@ -287,8 +288,8 @@ struct Pictures {
     axis: Axis,
     name: &'static str,
     output: PixelFormat,
-    /// The scenes by ascending count; each is made only when it is its turn, since large ones take
-    /// much memory.
+    /// The scenes by ascending count. Each is made when its turn comes, since large ones take much
+    /// memory.
     scenes: Box<dyn Iterator<Item = Scene>>,
 }
 
@@ -330,8 +331,8 @@ impl Pictures {
         }
     }
 
-    /// Times all contestants in a scene, in turns. Except along the axis of pixels, the time
-    /// includes the set-up, which is also timed alone. None if `proceed` returns false.
+    /// Times all contestants on a scene, in turns. Except where the number of pixels varies, the
+    /// time includes the set-up, which is also timed by itself. None if `proceed` returns false.
     fn measure(
         &self,
         scene: &Scene,
@@ -399,8 +400,8 @@ pub fn measure(
     let mut before = 0;
     while let Some(scene) = pictures.scenes.next() {
         let count = pictures.count(&scene);
-        // Two requested counts can give the same mesh, since its shape does not allow every number
-        // of triangles.
+        // Two requested counts can give the same mesh, since not every number of triangles has an
+        // icosphere.
         if std::mem::replace(&mut before, count) != count {
             let rows = pictures.measure(&scene, settings, clock, &mut || proceed(0))?;
             let Some(rows) = rows else { return Ok(found) };
@@ -426,9 +427,9 @@ pub fn lines(rows: &[Growth]) -> Vec<Vec<&Growth>> {
     lines
 }
 
-/// For each contestant the straight line through its last three points, whose slope is the cost of
-/// one more object where there are many. For lights and for brute force, whose cost is linear from
-/// the start, the line is through all points.
+/// Fits a straight line to the last three points of each contestant: its slope is the cost of one
+/// more object where there are many. For lights and for brute force, whose cost is linear from the
+/// start, it is fitted to all points.
 pub fn slopes(rows: &[Growth]) -> Vec<Slope> {
     const LAST: usize = 3;
     let slope = |line: Vec<&Growth>| {

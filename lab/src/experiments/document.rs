@@ -9,7 +9,7 @@ use super::speedup::{BASELINE, CONTROL, Speedup, Timing};
 use super::sweeps::Sweep;
 use crate::measure::Machine;
 
-/// Everything that was measured, where, and with what.
+/// All that was measured, on which machine and with which settings.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Experiment {
     pub machine: Machine,
@@ -22,14 +22,15 @@ pub struct Experiment {
     pub against_compiler: Vec<AgainstCompiler>,
     /// Why the ladder has no counts of instructions, if it has none.
     pub uncounted: Option<String>,
-    /// The factor divided among its causes; empty if the rungs for that were not measured.
+    /// The factor between C and SIMD divided among its causes; empty if the rungs for it were not
+    /// measured.
     pub explanations: Vec<Explanation>,
-    /// Time per pixel from small pictures to large ones; None if the run was stopped before.
+    /// Time per pixel from small pictures to large ones; None if the run was stopped before it.
     pub jumps: Option<Jumps>,
-    /// Cost in objects and lights; empty if the run was stopped before.
+    /// Cost in objects and lights; empty if the run was stopped before it.
     pub sweeps: Vec<Sweep>,
-    /// Why parts of it allow no verdict: other programs had the core, or two measurements of the
-    /// same ratio disagree.
+    /// Why parts of the measurement allow no verdict: it was preempted too often, or two
+    /// measurements of the same ratio disagree.
     pub disturbed: Vec<String>,
     pub verdicts: Vec<Claim>,
 }
@@ -45,7 +46,7 @@ pub struct Conditions {
     pub seconds: f64,
     /// The share of those seconds that was spent in timed work.
     pub timed_share: Option<f64>,
-    /// The share of those seconds in which other programs had the core.
+    /// The share of those seconds in which the thread was preempted by other programs.
     pub taken_share: Option<f64>,
 }
 
@@ -55,7 +56,7 @@ impl Experiment {
         self.table.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
     }
 
-    /// Why the rows form no table: a size lacks C or SIMD, or has other engines than the first
+    /// Why the rows form no table: a size lacks C or SIMD, or has not the same engines as the first
     /// size.
     pub fn gap(&self) -> Option<String> {
         let who = |rows: &[Timing]| rows.iter().map(|row| (row.engine.clone(), row.output.clone())).collect::<Vec<_>>();

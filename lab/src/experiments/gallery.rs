@@ -18,8 +18,8 @@ use rayo::internals::render::{Engine, Film, PixelFormat};
 use rayo::internals::scene::Scene;
 use rayo::{Picture, Pixels};
 
-/// Scenes that come with the program; beside them, of each family in `STIFF`, the stiffest of three
-/// scenes.
+/// The scenes of the gallery that come with the program. Besides these it shows the most
+/// ill-conditioned scene of each family in `STIFF`.
 const SHIPPED: [&str; 4] = ["sphere", "tetrahedron", "two-lights", "many"];
 /// The scenes that are also shown with shadows, because their objects hide lights from each other.
 const IN_SHADOWS: [&str; 2] = ["two-lights", "many"];
@@ -39,13 +39,13 @@ pub struct Shown {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Shot {
     pub engine: Name,
-    /// An earlier engine in the list whose picture has the same levels.
+    /// An earlier engine in the list whose picture is the same, level by level.
     pub like: Option<Name>,
     /// The picture as a PNG in base64; only for the reference and for the engine that is farthest
     /// from it.
     pub png: Option<String>,
-    /// For the farthest engine, its difference from the reference, white where it is largest, as a
-    /// PNG in base64.
+    /// For the farthest engine its difference from the reference, as a PNG in base64: white where
+    /// the difference is largest.
     pub difference: Option<String>,
     pub differing: u64,
     /// The largest difference from the reference, in levels.

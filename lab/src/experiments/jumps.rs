@@ -35,21 +35,21 @@ const SIZES: [(u32, u32); 13] = [
     (3640, 2730),
     (4619, 3464),
 ];
-/// The number of runs of each size, with the framebuffer touched before and untouched.
+/// The number of runs of each size, each with a touched and with an untouched framebuffer.
 const RUNS: usize = 5;
 const QUICK_RUNS: usize = 3;
-/// The work of a round per pixel, in the unit of [`Progress`]: that of all engines, with the
-/// framebuffer touched and untouched.
+/// The work of a round per pixel, in the unit of [`Progress`]: that of all engines, with a touched
+/// and with an untouched framebuffer.
 const ROUND_WORK: u64 = 270;
-/// A run in which other programs had the core for more than this share of its time is repeated, but
-/// only once, because runs of the largest size are long. If other programs still had it for several
-/// times this share, they have used the caches too, and there is no verdict.
+/// A run is repeated once if other programs had the core for more than this share of its time; not
+/// more often, because runs of the largest size are long. If they still had it for more than
+/// `MUCH_TAKEN`, they have evicted the caches too, and there is no verdict.
 const TAKEN: f64 = 0.01;
 const AGAIN: usize = 1;
 const MUCH_TAKEN: f64 = 0.05;
 /// A change smaller than this share does not count as a jump.
 const STEADY: f64 = 0.10;
-/// An engine that writes at less than this share of a bandwidth is not limited by it.
+/// An engine that writes at less than this share of a level's bandwidth is not limited by it.
 pub const BOUND: f64 = 0.5;
 
 /// The time of an engine at a size. The field names are those of the JSON document.
@@ -59,10 +59,11 @@ pub struct PictureTime {
     pub height: u32,
     pub pixels: u64,
     pub engine: Name,
-    /// Whether the framebuffer had been touched before.
+    /// Whether the pages of the framebuffer had been written to before.
     pub touched: bool,
-    /// TSC cycles per pixel in the fastest run: of the undisturbed runs, or else of the least
-    /// disturbed ones, the one with the least time of its own.
+    /// TSC cycles per pixel in the fastest run: among the undisturbed runs the one that took least
+    /// time. Without any, it is the run that other programs disturbed for the smallest share of its
+    /// time.
     pub cycles_per_pixel: f64,
     /// The median TSC cycles per pixel over all runs.
     pub cycles_per_pixel_median: f64,
@@ -91,7 +92,7 @@ pub struct PictureRun {
     pub bytes_per_cycle: f64,
 }
 
-/// How fast a level of memory takes plain stores.
+/// How fast plain stores to a level of memory are.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Bandwidth {
     /// `L1`, `L2`, `L3` or `memory`.
@@ -104,7 +105,7 @@ pub struct Bandwidth {
 
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Jumps {
-    /// Each engine at each size, with the framebuffer touched before and untouched.
+    /// Each engine at each size, with a touched and with an untouched framebuffer.
     pub rows: Vec<PictureTime>,
     pub bandwidth: Vec<Bandwidth>,
 }
@@ -123,7 +124,7 @@ pub fn work(quick: bool) -> u64 {
     pixels * runs(quick) as u64 * ROUND_WORK
 }
 
-/// What is recorded beside the times of a case's runs; each list has an entry for every run.
+/// What is recorded beside the times of a case's runs. Each list has an entry for every run.
 #[derive(Default)]
 struct Beside {
     clock: Vec<f64>,
@@ -141,7 +142,8 @@ impl Beside {
         }
     }
 
-    /// The share of a run in which other programs had the core; up to [`TAKEN`] counts as 0.
+    /// The share of a run's time in which other programs had the core; a share of up to [`TAKEN`]
+    /// counts as 0.
     fn taken(&self, run: usize) -> f64 {
         let share = 1.0 - self.own[run] / self.ticks[run];
         if share <= TAKEN { 0.0 } else { share }
@@ -154,8 +156,8 @@ impl Beside {
         if undisturbed.is_empty() { all.collect() } else { undisturbed }
     }
 
-    /// The fastest of the undisturbed runs or, if there are none, the run in which other programs
-    /// had the core for the least share.
+    /// The fastest of the undisturbed runs. If there are none, the run that other programs
+    /// disturbed for the smallest share of its time.
     fn least_taken(&self) -> usize {
         let rank = |run: &usize| (self.taken(*run), self.own[*run]);
         (0..self.own.len())
@@ -164,7 +166,8 @@ impl Beside {
     }
 }
 
-/// An engine at a size, with the framebuffer touched before or untouched, and what was recorded.
+/// An engine at a size, with a touched or an untouched framebuffer, and what was recorded of its
+/// runs.
 struct Contestant {
     engine: Engine,
     touched: bool,
@@ -228,7 +231,8 @@ pub fn run(
         for _ in 0..runs(quick) {
             for (Contestant { touched, beside, .. }, tracer) in contestants.iter_mut().zip(&tracers) {
                 for _ in 0..=AGAIN {
-                    // Pages can be untouched only once, so that every run needs fresh memory.
+                    // A page is untouched only until its first write, so that every run needs new
+                    // memory.
                     let mut fresh = if *touched { None } else { Some(fresh(pixels as usize)?) };
                     let before = core_cycles_per_tick();
                     let (faults, cpu) = (sys::Usage::of_this_thread().page_faults, sys::thread_cpu_time());
@@ -266,11 +270,12 @@ fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, LabError> {
 /// A level of memory.
 struct MemoryLevel {
     name: String,
-    /// How many bytes to write so that they stay in it.
+    /// How many bytes to write over and over so that they stay in this level.
     bytes: usize,
 }
 
-/// The levels of memory: of each cache half is written, and for memory four times the last cache.
+/// The levels of memory. Half of each cache is written and, to reach memory, four times the last
+/// cache.
 fn levels_of(caches: &[Cache]) -> impl Iterator<Item = MemoryLevel> {
     let levels = caches.iter().map(|cache| MemoryLevel { name: format!("L{}", cache.level), bytes: cache.bytes / 2 });
     let memory =
@@ -279,7 +284,7 @@ fn levels_of(caches: &[Cache]) -> impl Iterator<Item = MemoryLevel> {
 }
 
 /// The rate at which each level of memory takes stores. `fill` writes the pixels that it is given;
-/// its other argument is the number of the pass.
+/// its second argument is the number of the pass.
 pub(super) fn bandwidth(
     caches: &[Cache],
     runs: usize,
@@ -290,12 +295,12 @@ pub(super) fn bandwidth(
         let len = bytes / size_of::<Vec4>();
         let mut film = Film::new(PixelFormat::F32x4, len + LINE / size_of::<Vec4>())?;
         let Film::F32x4(pixels) = &mut film else { unreachable!("it was made of floats") };
-        // The pixels begin at a cache line: stores that cross lines at both ends of a pass would
-        // slow down the shortest passes, those in the first level.
+        // The pixels begin at a cache line. Stores that cross lines at both ends of a pass would
+        // slow down the shortest passes, those within the first-level cache.
         let first = pixels.as_ptr().align_offset(LINE);
         let pixels = &mut pixels[first..first + len];
         // Small levels are written so many times per measurement that reading the clock takes a
-        // negligible part of it.
+        // negligible part of the time.
         let passes = (MIN_BYTES / bytes).max(1);
         let mut pass = |pass| fill(black_box(&mut *pixels), pass);
         let mut work: [Work<'_>; 1] = [Box::new(|| (0..passes).for_each(&mut pass))];
@@ -318,20 +323,20 @@ const BANDWIDTH_RUNS: usize = 5;
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
     pub engine: &'static str,
-    /// The largest TSC cycles per pixel at any size, divided by the smallest, minus 1; with touched
-    /// framebuffers.
+    /// By how much the TSC cycles per pixel change with the size of a touched framebuffer: the
+    /// largest divided by the smallest, minus 1.
     pub change: f64,
-    /// This change in cycles of the core's own clock instead.
+    /// The same change in cycles of the core's own clock.
     pub core_change: f64,
-    /// This change of the core's clock per TSC tick instead.
+    /// The change of the core's clock per TSC tick between sizes, computed alike.
     pub clock_change: f64,
-    /// The highest rate at which it writes, as a share of the bandwidth of the slowest level.
+    /// The highest rate at which the engine writes, as a share of the bandwidth of the slowest
+    /// level.
     pub bandwidth_share: Option<f64>,
-    /// TSC cycles per page fault: the additional cost of an untouched framebuffer at the largest
-    /// size, divided by its page faults.
+    /// TSC cycles per page fault: the time that an untouched framebuffer adds at the largest size,
+    /// divided by the number of its page faults.
     pub cycles_per_fault: Option<f64>,
-    /// The additional cost of an untouched framebuffer at the largest size, in TSC cycles per
-    /// pixel.
+    /// The time that an untouched framebuffer adds at the largest size, in TSC cycles per pixel.
     pub fault_cycles_per_pixel: f64,
 }
 
@@ -381,8 +386,8 @@ impl Jumps {
     }
 
     /// The largest ratio between two sizes of the core's own cycles per pixel, minus 1, with
-    /// touched framebuffers. Its interval takes the runs at each size once as close together as
-    /// they allow, and once as far apart.
+    /// touched framebuffers. The ends of its interval take the runs of each size once as close
+    /// together as possible, and once as far apart.
     fn core_change(&self, engine: &str) -> Estimate {
         let rows = self.of(engine, true);
         let cycles = |row: &PictureTime| row.samples.iter().map(|run| run.core_cycles_per_pixel).collect::<Vec<_>>();
@@ -397,7 +402,7 @@ impl Jumps {
     }
 
     /// The highest rate at which an engine writes at any size, as a share of the bandwidth of the
-    /// slowest level. Its interval is from the slowest runs of each size to the fastest.
+    /// slowest level. The interval goes from the slowest runs of each size to the fastest.
     fn share_of_bandwidth(&self, engine: &str) -> Option<Estimate> {
         let slowest_level = self.slowest_level()?;
         let rows = self.of(engine, true);
@@ -411,8 +416,8 @@ impl Jumps {
         })
     }
 
-    /// The verdict on the claim that the cache makes the time per pixel jump: it holds if an
-    /// engine's cycles jump and it writes at a rate that memory limits.
+    /// The verdict on the claim that the cache makes the time per pixel jump. The claim holds if an
+    /// engine's core cycles jump and it writes at a rate that memory limits.
     pub fn are_the_cache(&self) -> Verdict {
         let of_engine = |engine: &'static str| {
             let jumps = Verdict::at_least(self.core_change(engine), STEADY);
@@ -423,7 +428,7 @@ impl Jumps {
         [BASELINE, CONTROL].into_iter().map(of_engine).fold(Verdict::NotReproduced, Verdict::or)
     }
 
-    /// The figures on which that verdict rests, in words.
+    /// The figures on which the verdict of `are_the_cache` rests, in words.
     pub fn figures(&self) -> String {
         let percent =
             |of: Estimate| format!("{:.0} [{:.0}, {:.0}] %", 100.0 * of.value, 100.0 * of.low, 100.0 * of.high);

@@ -1,4 +1,4 @@
-//! Times several pictures in turns, and leaves out times that other programs disturbed.
+//! Times several pictures in turns, and leaves out times during which other programs had the core.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -19,7 +19,7 @@ pub enum LabError {
     Engine(#[from] EngineError),
     #[error(transparent)]
     Memory(#[from] NoMemory),
-    /// An engine's picture is not that of the reference: its time would mean nothing.
+    /// An engine's picture differs from the reference's, so that its time would mean nothing.
     #[error(
         "{wrong} of {pixels} pixels that `{who}` wrote as {output} are not those of `reference`, \
          and at most {allowed} may differ: its time is not that of the same picture"
@@ -30,7 +30,8 @@ pub enum LabError {
         /// Pixels off by more than a level.
         wrong: usize,
         pixels: usize,
-        /// How many pixels at an outline rounding may change from hit to miss or back.
+        /// The number of pixels at outlines where rounding may turn a hit into a miss or a miss
+        /// into a hit.
         allowed: usize,
     },
     #[error("{0}\nnothing is timed until this is mended")]
@@ -45,9 +46,9 @@ pub enum LabError {
     Nothing,
 }
 
-/// Callback for progress: gets the work done since its last call, in roughly estimated cycles, of
+/// A callback for progress: gets the work done since its last call, in roughly estimated cycles, of
 /// which only the proportions matter. If it returns false, the measurement ends, and its result is
-/// what was finished.
+/// what was finished until then.
 pub type Progress<'a> = dyn FnMut(u64) -> bool + 'a;
 
 /// Which part of making a picture is timed.
@@ -60,7 +61,7 @@ pub enum Timed {
     Both,
 }
 
-/// Traces rows into a film of their size.
+/// Traces a range of rows into a film that has the size of this range.
 type Trace<'a> = Box<dyn Fn(Range<u32>, FilmMut<'_>) + 'a>;
 
 /// A picture to be timed: its camera, the format of its pixels, and the function that traces its
@@ -97,7 +98,7 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Traces rows into a film of their size.
+    /// Traces a range of rows into a film that has the size of this range.
     pub fn rows(&self, rows: Range<u32>, film: FilmMut<'_>) {
         (self.trace)(rows, film);
     }
@@ -108,8 +109,8 @@ impl<'a> Case<'a> {
     }
 }
 
-/// One film for each pixel format, shared by all cases. Its memory has been touched before, so that
-/// every case finds it in the same state.
+/// One film for each pixel format, shared by all cases. All pages of its memory have been written
+/// to before, so that every case finds it in the same state.
 #[derive(Default)]
 pub struct Bench {
     films: Vec<(PixelFormat, Film)>,
@@ -118,9 +119,9 @@ pub struct Bench {
 
 impl Bench {
     /// Times each case once per round, in turns. Before the first use of the bench, all cases trace
-    /// once untimed, so that no timing includes one-off costs. That round uses checked calls:
-    /// kernels that break the calling convention are not timed. `proceed` is called after each
-    /// round; if it returns false, so does this function with None.
+    /// once untimed, so that no timing includes one-off costs. This untimed round makes checked
+    /// calls, so that no kernel is timed that breaks the calling convention. `proceed` is called
+    /// after each round; if it returns false, the result is None.
     ///
     /// # Errors
     /// If there is no memory for the largest picture, or if a kernel breaks a rule or crashes.
@@ -154,8 +155,8 @@ impl Bench {
 /// The seed of the bootstrap, fixed so that the same samples give the same intervals.
 pub const SEED: u64 = 0x5e_c7_10_05;
 
-/// The ratios of two series that were measured in turns, pair by pair, and whether others had the
-/// core in either.
+/// The ratios of two series that were measured in turns, pair by pair, and for each pair whether
+/// one of its measurements was preempted.
 pub struct Pairs {
     pub ratios: Vec<f64>,
     pub taken: Vec<bool>,
@@ -165,7 +166,8 @@ pub struct Pairs {
 #[derive(Clone, Copy)]
 pub struct Series<'a> {
     pub ticks: &'a [f64],
-    /// For each, whether others had the core.
+    /// For each measurement whether it was preempted: whether another thread had the core
+    /// meanwhile.
     pub taken: &'a [bool],
 }
 
@@ -191,9 +193,9 @@ impl Pairs {
         }
     }
 
-    /// The median ratio with its interval, without disturbed measurements if enough others remain.
-    /// Each `together` consecutive ratios come from one process, and the bootstrap resamples them
-    /// as one group, since they are not independent.
+    /// The median ratio with its interval, from the pairs that were not preempted if these are
+    /// enough, else from all. Each `together` consecutive ratios come from one process and are not
+    /// independent, so that the bootstrap resamples them as one group.
     pub fn estimate(&self, together: usize) -> Estimate {
         let judged = judged(&self.taken);
         let processes = self.ratios.chunks(together).zip(judged.chunks(together));
@@ -211,7 +213,7 @@ pub struct Turn {
     pub ticks: u64,
     /// Whether any of the case's runs ended on another core than it began on.
     pub migrated: bool,
-    /// Whether others had the core in every attempt at this measurement.
+    /// Whether every attempt at this measurement was preempted by another thread.
     pub taken: bool,
 }
 
@@ -224,30 +226,33 @@ impl Turn {
     }
 }
 
-/// How many measurements were disturbed because others had the core.
+/// How many of some measurements were preempted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Taken {
-    /// The disturbed ones, which are left out if enough others remain.
-    pub taken: usize,
-    pub of: usize,
+pub struct PreemptedCount {
+    /// The number of preempted ones, which are left out if enough others remain.
+    pub preempted: usize,
+    pub measured: usize,
 }
 
-impl Taken {
-    /// Counts the disturbed ones in `taken`, which says of each measurement whether it was.
+impl PreemptedCount {
+    /// Counts the true entries of `taken`, which has an entry for each measurement.
     pub fn among<'a>(taken: impl IntoIterator<Item = &'a bool>) -> Self {
-        let add = |all: Taken, taken: &bool| Taken { taken: all.taken + usize::from(*taken), of: all.of + 1 };
-        taken.into_iter().fold(Taken::default(), add)
+        let add = |all: PreemptedCount, taken: &bool| PreemptedCount {
+            preempted: all.preempted + usize::from(*taken),
+            measured: all.measured + 1,
+        };
+        taken.into_iter().fold(PreemptedCount::default(), add)
     }
 
-    /// Whether enough remain to judge by.
+    /// Whether enough undisturbed measurements remain to judge by.
     pub fn leaves_enough(self) -> bool {
-        enough(self.of - self.taken, self.of)
+        enough(self.measured - self.preempted, self.measured)
     }
 }
 
-/// Which measurements to judge by: the undisturbed ones if there are enough of them, else all.
+/// For each measurement whether to judge by it: the undisturbed ones if these are enough, else all.
 pub fn judged(taken: &[bool]) -> Vec<bool> {
-    let enough = Taken::among(taken).leaves_enough();
+    let enough = PreemptedCount::among(taken).leaves_enough();
     taken.iter().map(|taken| !(enough && *taken)).collect()
 }
 
@@ -271,7 +276,7 @@ mod tests {
             let case = Case::new(camera, PixelFormat::F32x4, |_, _| {
                 std::hint::black_box(dot.call(&Default::default(), &Default::default()));
             });
-            // This clock has no ticks to give: a timed call would panic.
+            // The clock has no ticks to give, so that a timed call would panic.
             let mut clock = Scripted(std::iter::empty());
             let error = Bench::default().time(&mut clock, &[case], 0..1, &mut || true).unwrap_err();
             assert!(error.to_string().contains(said), "{error}");

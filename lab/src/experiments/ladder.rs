@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::in_size;
-use super::lab::{Bench, Case, LabError, Pairs, Progress, Series, Taken, Turn, judged, kept};
+use super::lab::{Bench, Case, LabError, Pairs, PreemptedCount, Progress, Series, Turn, judged, kept};
 use super::speedup::{self, Truth};
 use crate::measure::statistics::{Estimate, median};
 use crate::measure::{Clock, Name};
@@ -21,8 +21,8 @@ use rayo::internals::scene::Scene;
 /// The size that most rungs trace: small enough for the picture to stay in a second-level cache,
 /// and for a run to end before the operating system is likely to preempt it.
 pub const SIZE: (u32, u32) = (256, 192);
-/// The size for the rungs with threads, since a small picture takes less time than waking a second
-/// core, and for those of the closed form, by hand and compiled. It is the paper's largest.
+/// The size for rungs with threads, since a small picture takes less time than waking a second
+/// core, and for rungs of the closed form, by hand and compiled. It is the paper's largest size.
 const LARGE: (u32, u32) = (1632, 1224);
 /// The work of a round per pixel, in the unit of [`Progress`].
 const ROUND_WORK: u64 = 2400;
@@ -45,17 +45,17 @@ pub struct Rung {
     pub cycles_per_pixel: f64,
     /// Instructions executed per pixel, by single-stepping; None where they cannot be counted.
     pub instructions_per_pixel: Option<f64>,
-    /// The median ratio of the cycles of [`Rung::over`] to its own, pair by pair.
+    /// The gain: the median ratio of the cycles of [`Rung::over`] to this rung's, pair by pair.
     pub gain: f64,
     pub gain_low: f64,
     pub gain_high: f64,
-    /// The same ratio against the first rung.
+    /// The gain over the first rung.
     pub gain_total: f64,
     /// TSC cycles of every run; those of a larger picture are scaled to the number of pixels in
     /// [`SIZE`].
     pub samples: Vec<f64>,
-    /// For each sample, whether others had the core. Such samples are left out of all figures
-    /// unless they are more than half.
+    /// For each sample, whether it was preempted by another thread. Preempted samples are left out
+    /// of all figures unless they are more than half.
     pub taken: Vec<bool>,
     /// How many consecutive samples come from one process.
     pub samples_per_run: usize,
@@ -73,20 +73,21 @@ pub struct AgainstCompiler {
     pub engine: Name,
     /// The rung of the compiled code.
     pub compiled: Name,
-    /// How many times as fast the engine is as the compiled code: the median of the ratios of
-    /// pairs.
+    /// How many times as fast the engine is as the compiled code: the median of the ratios, pair by
+    /// pair.
     pub ratio: f64,
     pub low: f64,
     pub high: f64,
 }
 
-/// One cause's part of a factor between two rungs.
+/// The part of a factor between two rungs that one cause accounts for.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Share {
     pub cause: Name,
     /// The factor that this cause accounts for.
     pub factor: f64,
-    /// Its share of the whole on a logarithmic scale, where factors add up: all shares make 1.
+    /// The logarithm of this factor divided by that of the whole factor: the shares of all causes
+    /// add up to 1.
     pub share: f64,
 }
 
@@ -99,43 +100,41 @@ pub struct Explanation {
     pub shares: Vec<Share>,
 }
 
-/// The rung of the code that the compiler vectorises, for the widest instruction set that this CPU
-/// has.
+/// The name of the rung of vectorised brute force for the widest instruction set that this CPU has.
 const WIDEST: &str = "turned";
 
-/// The brute-force code that the compiler vectorises, for one instruction set.
+/// A rung of brute-force C that the compiler vectorises, for one instruction set.
 pub(super) struct VectorisedRung {
     /// The packet engine of the same instruction set, with which it is compared.
     pub engine: &'static str,
-    /// Its name where the CPU has a wider instruction set; the widest is [`WIDEST`].
+    /// Its name if the CPU has a wider instruction set; the rung of the widest is named [`WIDEST`].
     pub rung_if_not_widest: &'static str,
-    /// The variant's name in build.rs.
+    /// The name of the compiled variant in build.rs.
     pub variant: &'static str,
 }
 
-/// The brute-force code that the compiler vectorises, by instruction set, narrowest first.
+/// The rungs of brute-force C that the compiler vectorises, narrowest instruction set first.
 pub(super) const VECTORISED: [VectorisedRung; 3] = [
     VectorisedRung { engine: "sse41", rung_if_not_widest: "turned, sse41", variant: "turned_sse41" },
     VectorisedRung { engine: "avx2", rung_if_not_widest: "turned, avx2", variant: "turned_v3" },
     VectorisedRung { engine: "avx512", rung_if_not_widest: "turned, avx512", variant: "turned_v4" },
 ];
 
-/// An instruction set of the closed form.
+/// What the rungs of the closed form are called for one instruction set.
 struct ClosedFormIsa {
-    /// What names of rungs end in.
-    rung_suffix: &'static str,
+    isa: Isa,
     /// What names of variants in build.rs end in.
     variant_suffix: &'static str,
-    /// The rung of the packets written by hand, where the CPU has a wider instruction set; the
-    /// widest is [`WIDEST_BY_HAND`].
+    /// The rung of the packets written by hand if the CPU has a wider instruction set; that of the
+    /// widest is named [`WIDEST_BY_HAND`].
     by_hand_if_not_widest: &'static str,
 }
 
-/// The instruction sets of the closed form, narrowest first.
+/// What the rungs of the closed form are called, narrowest instruction set first.
 const CLOSED_FORM_ISAS: [ClosedFormIsa; 3] = [
-    ClosedFormIsa { rung_suffix: "sse41", variant_suffix: "sse41", by_hand_if_not_widest: "large, sse41" },
-    ClosedFormIsa { rung_suffix: "avx2", variant_suffix: "v3", by_hand_if_not_widest: "large, avx2" },
-    ClosedFormIsa { rung_suffix: "avx512", variant_suffix: "v4", by_hand_if_not_widest: "large, avx512" },
+    ClosedFormIsa { isa: Isa::Sse41, variant_suffix: "sse41", by_hand_if_not_widest: "large, sse41" },
+    ClosedFormIsa { isa: Isa::Avx2, variant_suffix: "v3", by_hand_if_not_widest: "large, avx2" },
+    ClosedFormIsa { isa: Isa::Avx512, variant_suffix: "v4", by_hand_if_not_widest: "large, avx512" },
 ];
 
 /// A compiled version of the closed form.
@@ -148,7 +147,7 @@ struct ClosedForm {
     change: &'static str,
 }
 
-/// The compiled versions of the closed form of the experiment's sphere, in bytes.
+/// The compiled versions of the closed form of the experiment's sphere. They write bytes.
 const CLOSED_FORMS: [ClosedForm; 4] = [
     ClosedForm {
         rung: "closed form in C",
@@ -175,14 +174,14 @@ struct CRung {
     change: &'static str,
     /// The rung that it varies, if it is an aside.
     aside_of: Option<&'static str>,
-    /// Variants in build.rs: the first that this CPU runs is measured, and without one the rung is
-    /// left out. None for the engine `c`.
+    /// Variants in build.rs, of which the first that this CPU runs is measured; if it runs none,
+    /// the rung is left out. None stands for the engine `c`.
     variants: Option<&'static [&'static str]>,
     /// Whether a claim of the documentation needs it; the others are only in the whole ladder.
     claimed: bool,
 }
 
-/// The rungs of the paper's C that are compiled without a change of its arrays, in order.
+/// The rungs of the paper's C whose variants all have the paper's arrays, in order.
 const C_RUNGS: [CRung; 10] = [
     CRung {
         rung: "c, called",
@@ -192,7 +191,7 @@ const C_RUNGS: [CRung; 10] = [
         claimed: true,
     },
     // A vector passed by value is stored in halves, and loading it whole has to wait for both
-    // stores: code without vectors shows what that costs.
+    // stores. This variant, compiled without vector instructions, shows what that costs.
     CRung {
         rung: "c, called, scalar",
         change: "the same, not vectorised by the compiler",
@@ -262,7 +261,7 @@ const C_RUNGS: [CRung; 10] = [
 /// The rung of the widest packets, written by hand, that writes bytes in the larger picture.
 pub const WIDEST_BY_HAND: &str = "large";
 
-/// The rung with a ray in each of four lanes; those with more lanes are asides.
+/// The rung that traces a ray in each of four lanes; rungs with more lanes are asides.
 const LANES: &str = "lanes";
 
 /// What traces the picture of a rung.
@@ -273,7 +272,7 @@ enum Tracing {
     Lanes(&'static LaneTracer),
     /// Whole rows by a compiled closed form, as bytes.
     Rows(&'static Variant<ElementKernels<f32>>),
-    /// The paper's macros in the best forms we know.
+    /// The paper's macros in the best forms that we know.
     Aos(&'static kernels::AosKernels),
     Threads(Engine, PixelFormat, usize),
 }
@@ -293,12 +292,12 @@ impl Planned {
     }
 }
 
-/// The variant in build.rs of this name.
+/// The variant in build.rs with this name.
 fn variant(name: &str) -> &'static Variant {
     ladder::C.iter().find(|variant| variant.name == name).expect("build.rs has it")
 }
 
-/// An engine by its name, tracing floats.
+/// The engine with this name, tracing floats.
 fn engine_in_floats(name: &str) -> Tracing {
     let engine = Engine::ALL.iter().copied().find(|engine| engine.name() == name);
     Tracing::Engine(engine.expect("asm is built"), PixelFormat::F32x4)
@@ -342,7 +341,7 @@ fn c_rungs(whole: bool) -> Vec<Planned> {
     rungs
 }
 
-/// The rungs of [`VECTORISED`]: the widest that this CPU runs, and as its asides the others.
+/// The rungs of [`VECTORISED`]: the widest that this CPU runs, and the others as its asides.
 fn vectorised_rungs() -> Vec<Planned> {
     let mut rungs = Vec::new();
     for VectorisedRung { rung_if_not_widest, variant: name, .. } in VECTORISED.into_iter().rev() {
@@ -360,7 +359,7 @@ fn vectorised_rungs() -> Vec<Planned> {
     rungs
 }
 
-/// The paper's SIMD, and its asides.
+/// The paper's SIMD and its asides.
 fn paper_rungs(whole: bool) -> Vec<Planned> {
     let called = Tracing::Variant(&ladder::PAPER_CALLS);
     let mut rungs = vec![
@@ -374,8 +373,8 @@ fn paper_rungs(whole: bool) -> Vec<Planned> {
     rungs
 }
 
-/// A ray in each lane, and packets in closed form, for one instruction set. Four lanes and their
-/// packets are a rung each; of wider ones the lanes are an aside of the packets.
+/// For one instruction set a rung with a ray in each lane, and one of packets in closed form. With
+/// four lanes each is a rung of the ladder; with more, the former is an aside of the latter.
 fn lane_and_packet_rungs(isa: Isa) -> [Planned; 2] {
     let lanes = Tracing::Lanes(kernels::lane_tracer(isa).expect("the CPU supports it"));
     let packets = Tracing::Engine(Engine::Packet(isa), PixelFormat::F32x4);
@@ -394,8 +393,8 @@ fn lane_and_packet_rungs(isa: Isa) -> [Planned; 2] {
 }
 
 /// The rungs that write bytes: the widest packets in both sizes, and the closed form by hand and
-/// compiled for each of `isas`, of which there is at least one. Unless `whole`, that is only the
-/// widest.
+/// compiled for each of `isas`, which has at least one. Unless `whole`, only the widest instruction
+/// set has rungs.
 fn byte_rungs(isas: &[Isa], whole: bool) -> Vec<Planned> {
     let widest = isas[isas.len() - 1];
     let bytes = |isa| Tracing::Engine(Engine::Packet(isa), PixelFormat::Rgba8);
@@ -405,12 +404,12 @@ fn byte_rungs(isas: &[Isa], whole: bool) -> Vec<Planned> {
     }
     let change = format!("a picture of {}×{}, which exceeds that cache", LARGE.0, LARGE.1);
     rungs.push(Planned::new(WIDEST_BY_HAND, &change, None, bytes(widest)));
-    for (isa, closed_form) in isas.iter().zip(CLOSED_FORM_ISAS).rev() {
-        if *isa == widest {
+    for closed_form in CLOSED_FORM_ISAS.into_iter().rev().filter(|closed_form| isas.contains(&closed_form.isa)) {
+        if closed_form.isa == widest {
             rungs.extend(compiled_closed_forms(&closed_form, WIDEST_BY_HAND));
         } else if whole {
             let by_hand = closed_form.by_hand_if_not_widest;
-            rungs.push(Planned::new(by_hand, "the same for fewer lanes", Some(WIDEST_BY_HAND), bytes(*isa)));
+            rungs.push(Planned::new(by_hand, "the same for fewer lanes", Some(WIDEST_BY_HAND), bytes(closed_form.isa)));
             rungs.extend(compiled_closed_forms(&closed_form, by_hand));
         }
     }
@@ -424,7 +423,7 @@ fn compiled_closed_forms(isa: &ClosedFormIsa, by_hand: &'static str) -> Vec<Plan
     for ClosedForm { rung, variant, change } in CLOSED_FORMS {
         let name = format!("{variant}_{}", isa.variant_suffix);
         if let Some(variant) = ladder::CLOSED.iter().find(|variant| variant.name == name && variant.usable()) {
-            let rung = format!("{rung}, {}", isa.rung_suffix);
+            let rung = format!("{rung}, {}", isa.isa);
             rungs.push(Planned::new(&rung, change, Some(by_hand), Tracing::Rows(variant)));
         }
     }
@@ -453,8 +452,8 @@ impl Planned {
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };
-        // The fixed cost of a call: the instructions of two calls for a row each, minus those of
-        // one call for both rows.
+        // The fixed cost of a call is what two calls for a row each execute more than one call for
+        // both rows.
         let rows = [call_row..call_row + 1, call_row + 1..call_row + 2, call_row..call_row + 2];
         let Some(calls) = self.count(scene, cores, call_size, rows)? else { return Ok(None) };
         let call = (calls[0] + calls[1]).saturating_sub(calls[2]);
@@ -550,8 +549,8 @@ pub(super) fn floats(film: FilmMut<'_>) -> &mut [Vec4] {
     if let FilmMut::F32x4(film) = film { film } else { unreachable!("its output is floats") }
 }
 
-/// Calls `start` so that the threads that it starts may run on all of `cores`, although the calling
-/// thread is pinned to one.
+/// Calls `start`, and lets the threads that it starts run on all of `cores`, although the calling
+/// thread is pinned to one core.
 pub fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, LabError> {
     let failed = |error| LabError::System { what: "change the cores that threads may run on", error };
     let pinned = sys::Cores::of_this_thread().map_err(failed)?;
@@ -569,8 +568,8 @@ pub fn uncounted() -> Option<String> {
     step::count_instructions(|| ()).err().map(|reason| reason.to_string())
 }
 
-/// Checks that every rung traces the picture of the reference, and counts its instructions per
-/// pixel if the ladder is `whole` and they can be counted. Threads may run on `cores`. None if
+/// Checks that every rung traces the reference's picture. If the ladder is `whole`, it also counts
+/// their instructions per pixel, where that is possible. Threads may run on `cores`. None if
 /// `proceed` returns false.
 pub fn check(
     whole: bool,
@@ -596,7 +595,7 @@ pub fn check(
 }
 
 /// A clock that runs all work once untimed before it times it. Otherwise the first rung of each
-/// size or pixel format would find its film evicted from the caches, and the next ones would not.
+/// size or pixel format would find its film evicted from the caches, unlike the next rungs.
 struct Warm<'a>(&'a mut dyn Clock);
 
 impl Clock for Warm<'_> {
@@ -617,8 +616,8 @@ impl Clock for Warm<'_> {
 /// For each rung, in the order of the ladder, its measurements in the rounds of one process.
 pub type Rounds = Vec<Vec<Turn>>;
 
-/// Measures `rounds` of the ladder in this process, which is one [run](speedup::measure_run) of the
-/// experiment.
+/// Measures the given `rounds` of the ladder in this process, which is one
+/// [run](speedup::measure_run) of the experiment.
 pub fn measure_run(
     whole: bool,
     rounds: Range<usize>,
@@ -645,7 +644,7 @@ struct Samples {
 }
 
 impl Samples {
-    /// The ratios of these to those of another rung.
+    /// The ratios of these samples to those of another rung, pair by pair.
     fn ratios_to(&self, other: &Samples) -> Pairs {
         let series = [self, other].map(|samples| Series { ticks: &samples.ticks, taken: &samples.taken });
         let [these, others] = series;
@@ -701,25 +700,25 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
     rungs
 }
 
-/// Which rows of which picture are counted. The picture is small, since every instruction is a
-/// trap.
+/// Which rows of which picture are single-stepped to count instructions. The picture is small,
+/// since every instruction causes a trap.
 struct Counted {
     size: (u32, u32),
     /// One row in `step_by` is counted.
     step_by: usize,
-    /// The size of the picture, and the first of two of its rows, from which the fixed cost of a
+    /// The size of another picture, and the first of two of its rows, by which the fixed cost of a
     /// call is found.
     call_size: (u32, u32),
     call_row: u32,
 }
 
-/// For code that traces pixels one by one, few pixels suffice: in the counted rows the same share
-/// of them hits as in the timed picture.
+/// For code that traces pixels one by one: few pixels suffice, if the share of them that hits is
+/// that of the timed picture.
 const COUNTED_ONE_BY_ONE: Counted = Counted { size: (12, 9), step_by: 3, call_size: (1, 2), call_row: 0 };
-/// For code in which all pixels of a row take the same path, few rows suffice.
+/// For code in which all pixels of a row take the same path: few rows suffice.
 const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, call_size: (1, 2), call_row: 0 };
-/// For code that shares work within a row, rows must be as long as the timed ones, and the rows
-/// from which the cost of a call is found must meet the sphere.
+/// For code that shares work within a row: rows must be as long as in the timed picture, and the
+/// rows by which the cost of a call is found must meet the sphere.
 const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, call_size: (64, 48), call_row: 24 };
 
 /// A rung of the short ladder.
@@ -764,21 +763,21 @@ fn wider(rungs: &[Rung]) -> Option<&Rung> {
     wider.rev().find_map(|isa| rungs.iter().find(|rung| rung.rung == isa.name()))
 }
 
-/// How many samples of single-threaded rungs were disturbed because others had the core.
-pub fn taken(rungs: &[Rung]) -> Taken {
-    Taken::among(rungs.iter().filter(|rung| rung.threads == 1).flat_map(|rung| &rung.taken))
+/// How many samples of single-threaded rungs were preempted.
+pub fn taken(rungs: &[Rung]) -> PreemptedCount {
+    PreemptedCount::among(rungs.iter().filter(|rung| rung.threads == 1).flat_map(|rung| &rung.taken))
 }
 
-/// The median ratio of the cycles of rung `a` to those of rung `b`, by pairs; None if one of them
-/// is missing.
+/// The median ratio of the cycles of rung `a` to those of rung `b`, pair by pair; None if one of
+/// the rungs is missing.
 pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
     let find = |name| rungs.iter().find(|rung: &&Rung| rung.rung == name);
     let (a, b) = (find(a)?, find(b)?);
     Some(Pairs::new(a.series(), b.series()).estimate(a.samples_per_run))
 }
 
-/// Compares each packet engine among the rungs with compiled code for its instruction set: with the
-/// brute-force algorithm on arrays of rays, and with the same closed form.
+/// Compares each packet engine among the rungs with compiled code for its instruction set: with
+/// brute force over arrays of rays, and with the same closed form.
 pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
     let is_rung = |name: &str| rungs.iter().any(|rung| rung.rung == name);
     let compare = |engine: &'static str, compiled: String| {
@@ -794,16 +793,16 @@ pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
             compared.extend(compare(engine, WIDEST.to_owned()));
         }
     }
-    for ClosedFormIsa { rung_suffix, by_hand_if_not_widest, .. } in CLOSED_FORM_ISAS {
+    for ClosedFormIsa { isa, by_hand_if_not_widest, .. } in CLOSED_FORM_ISAS {
         let by_hand = if is_rung(by_hand_if_not_widest) { by_hand_if_not_widest } else { WIDEST_BY_HAND };
         for ClosedForm { rung, .. } in CLOSED_FORMS {
-            compared.extend(compare(by_hand, format!("{rung}, {rung_suffix}")));
+            compared.extend(compare(by_hand, format!("{rung}, {isa}")));
         }
     }
     compared
 }
 
-/// A cause of a factor, and the two rungs between which nothing else changes.
+/// A cause of a factor, and the two rungs that differ by this cause alone.
 struct Cause {
     cause: &'static str,
     from: &'static str,
@@ -818,9 +817,9 @@ const POW_OF_ENGINE: Cause = Cause { cause: "pow", from: "c", to: "inlined" };
 const BY_HAND: Cause = Cause { cause: "by hand", from: "turned, sse41", to: LANES };
 const ALGORITHM: Cause = Cause { cause: "algorithm", from: LANES, to: "sse41" };
 
-/// Divides three factors among their causes: those from the C that calls its functions, and from
-/// the engine `c`, whose functions the compiler inlines, to the paper's SIMD, which the paper
-/// explains; and the one from the best of that C to the packets.
+/// Divides three factors among their causes. Two lead to the paper's SIMD: from the C that calls
+/// its functions, and from the engine `c`, whose functions the compiler inlines. The third leads
+/// from the best compiled variant of that C to the packets.
 pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
     let all = [
         explain_by(rungs, &[POW, CALLS, LEFT_OUT, THREE_LANES]),
@@ -830,13 +829,13 @@ pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
     all.into_iter().flatten().collect()
 }
 
-/// The factor from the first rung of `causes` to the last, each cause of which begins where the one
-/// before it ends. None if a rung was not measured.
+/// The factor from the first rung of `causes` to the last; each cause begins at the rung where the
+/// one before it ends. None if a rung was not measured.
 fn explain_by(rungs: &[Rung], causes: &[Cause]) -> Option<Explanation> {
     let factor = |cause: &Cause| Some(ratio(rungs, cause.from, cause.to)?.value);
     let factors = causes.iter().map(factor).collect::<Option<Vec<f64>>>()?;
-    // The product of the medians, not the median of the whole ratio, so that the shares add up to 1
-    // exactly.
+    // The whole is the product of the medians, not the median of the whole ratio, so that the
+    // shares add up to exactly 1.
     let whole: f64 = factors.iter().product();
     let shares = causes.iter().zip(&factors).map(|(cause, factor)| Share {
         cause: cause.cause.into(),

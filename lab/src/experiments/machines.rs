@@ -10,10 +10,10 @@ use rayo::internals::render::PixelFormat;
 
 const WIDTH: i32 = 960;
 const LINE: i32 = 28;
-/// The height of a line of a machine's name.
+/// The height of the line with a machine's name.
 const NAME: i32 = SMALL + 2;
 
-/// C/SIMD over all sizes on one machine.
+/// C/SIMD over all sizes, as measured on one machine.
 pub struct RatioOfMachine<'a> {
     /// The machine's name.
     pub name: &'a str,
@@ -52,14 +52,15 @@ pub fn figure(ratios: &[RatioOfMachine<'_>], screen: Screen) -> Result<String, P
     })
 }
 
-/// Draws an interval with its value, at these columns of a line.
+/// Draws an interval with its value. `y` is the line; the columns are those of the interval's low
+/// end, value and high end.
 fn draw_interval(area: &Area<'_>, y: i32, [low, value, high]: [i32; 3]) -> Result<(), PlotError> {
     let colour = colour_of(CONTROL);
     area.draw(&PathElement::new([(low, y), (high, y)], colour.stroke_width(3)))?;
     Ok(area.draw(&Circle::new((value, y), 5, colour.filled()))?)
 }
 
-/// The time of an engine, and its machine's limit.
+/// The time of an engine, and the limit that its machine's memory sets.
 pub struct AgainstBound<'a> {
     pub timing: &'a Timing,
     /// The cycles per pixel that the widest stores need in the nearest level of memory that holds
@@ -67,7 +68,7 @@ pub struct AgainstBound<'a> {
     pub bound: Option<f64>,
 }
 
-/// Every engine at the experiment's largest size, with its limit.
+/// Every engine at the experiment's largest size, with its machine's limit.
 pub fn against_bound(results: &Results) -> impl Iterator<Item = AgainstBound<'_>> {
     let rows = || results.experiment.iter().flat_map(|experiment| &experiment.table.rows);
     let most = rows().map(|row| row.pixels).max();
@@ -75,7 +76,7 @@ pub fn against_bound(results: &Results) -> impl Iterator<Item = AgainstBound<'_>
         let format = PixelFormat::ALL.into_iter().find(|format| format.name() == row.output)?;
         let bytes = row.pixels as usize * format.bytes();
         let roofs = &results.roofline.as_ref()?.roofs;
-        // The first level of cache that the picture fits into; memory if it fits into none.
+        // The first level of cache that the picture fits into, or memory if it fits into none.
         let caches = &results.machine.caches;
         let level = caches.iter().position(|cache| bytes <= cache.bytes).unwrap_or(caches.len());
         let roof = roofs.get(level).or(roofs.last())?;

@@ -1,4 +1,4 @@
-//! The paper's section 4 again: the instructions of every operation, and their cycles.
+//! The instructions of every operation, as in section 4 of the paper, and their cycles.
 
 mod kept;
 mod model;
@@ -23,14 +23,14 @@ use subjects::Subject;
 
 /// All operations, in the order of the table.
 pub use rayo::internals::kernels::ALL_OPERATIONS;
-/// The operations of the table: the paper's six, and those that its tracer builds from them.
+/// The operations that the table has: the paper's six, and those that its tracer builds from them.
 /// Operations without a packet form are not in the table, but are counted on request.
 pub use rayo::internals::kernels::OPERATIONS as OPS;
 
-/// A kernel that is listed on request, beside the operations: it renders rows of a grey sphere as
-/// bytes, as the packets do.
+/// A kernel that is listed on request, beside the operations: it renders rows of a grey sphere to
+/// bytes by the packets' closed form.
 pub const LIT: &str = "lit";
-/// The implementations of [`LIT`]; `portable` is the one in Rust, compiled for the widest packets
+/// The implementations of [`LIT`]. `portable` is the one in Rust, compiled for the widest packets
 /// that this CPU has.
 pub const IMPLEMENTATIONS_OF_LIT: [&str; 4] = ["sse41", "avx2", "avx512", "portable"];
 
@@ -55,13 +55,13 @@ pub const IMPLEMENTATIONS: [&str; 14] = [
 /// The paper's counts in C and in SIMD, for the first six of [`OPS`].
 const PRINTED: [(usize, usize); 6] = [(35, 1), (35, 1), (25, 2), (25, 3), (26, 4), (44, 7)];
 
-/// How many rounds of a chain, or calls of a function, one measurement has.
+/// How many rounds of a chain, or calls of a function, a measurement consists of.
 const ROUNDS: u64 = 200;
-/// The number of measurements, of which the fastest counts.
+/// The number of measurements; the fastest one counts.
 const REPEATS: u32 = 25;
 
-/// The least possible latency: a result is available after one cycle at the earliest, and so is the
-/// instruction after a call or a return, which are jumps.
+/// The least latency that is possible: a result, and the instruction after a call or a return, is
+/// available after one cycle at the earliest.
 const LEAST_CYCLES: f64 = 1.0;
 /// The most instructions that any core finishes in a cycle.
 const MOST_IN_A_CYCLE: f64 = 8.0;
@@ -69,8 +69,8 @@ const MOST_IN_A_CYCLE: f64 = 8.0;
 const IMPOSSIBLE: &str =
     "no cycles: others had the core each time, or left it too little for any that an operation can take";
 
-/// The size of the picture that is single-stepped: small for engines that trace pixels one by one,
-/// of which a few suffice, and larger for packets, which share work within a row.
+/// The sizes of the picture that is single-stepped: small for engines that trace pixels one by one,
+/// for which a few pixels suffice; larger for packets, which share work within a row.
 const FRAME: (u32, u32) = (16, 12);
 const FRAME_OF_PACKETS: (u32, u32) = (64, 48);
 
@@ -91,16 +91,16 @@ pub struct Options {
 pub struct Report {
     /// A row for every requested operation and implementation.
     pub rows: Vec<Counts>,
-    /// A whole small picture by each engine; empty if executed instructions were not requested or
-    /// cannot be counted.
+    /// The instructions of a small picture by each engine; empty if executed instructions were not
+    /// requested or cannot be counted.
     pub frames: Vec<FrameRow>,
     /// Why executed instructions were not counted although they were requested.
     pub executed_unavailable: Option<String>,
     /// Core cycles per tick of the time-stamp counter when the costs were measured.
     pub core_cycles_per_tick: Option<f64>,
-    /// Core cycles that chains of single vectors need to feed a result back into the next
-    /// operation. They are subtracted from the latencies of bodies; those of packets have a value
-    /// of their own.
+    /// The core cycles that a chain of operations on single vectors needs to turn a result into the
+    /// next operand. They are subtracted from the latencies of bodies; packets have a value of
+    /// their own.
     pub feedback_cycles: Option<f64>,
     /// The assembler, the C compiler and the Rust compiler of this build.
     pub compilers: Compilers,
@@ -126,7 +126,8 @@ impl Compilers {
     }
 }
 
-/// An operation in an implementation. What does not apply, or could not be measured here, is None.
+/// The counts of an operation in one implementation. What does not apply, or could not be measured
+/// here, is None.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Counts {
     /// The operation.
@@ -141,24 +142,25 @@ pub struct Counts {
     pub vectors: Option<usize>,
     /// Instructions per vector of the body, or of the function if there is no body.
     pub per_vector: Option<f64>,
-    /// Whether it is proved to give what its twin does, for all inputs; None for what is compiled.
+    /// Whether the code is proved to give its twin's results for all inputs; None for compiled
+    /// code.
     #[serde(default)]
     pub proved: Option<bool>,
-    /// Instructions executed from the function's entry to its return, with what it calls, on its
-    /// first path.
+    /// The instructions that a call executes on its first path, from the function's entry to its
+    /// return, with those of functions that it calls.
     pub executed: Option<u64>,
-    /// Latency in core cycles, from operand to result: of the body if it can be chained, else of a
-    /// call.
+    /// Latency in core cycles, from operand to result: of the body if the operation can be chained,
+    /// else of a call.
     pub latency: Option<f64>,
-    /// Core cycles per operation when many are independent: of the body or of a call, as for
-    /// `latency`.
+    /// Core cycles per operation when many independent ones overlap: of the body or of a call,
+    /// whichever `latency` is of.
     pub throughput: Option<f64>,
     /// Whether `latency` and `throughput` are those of the `body` or of a `call`.
     pub cost_of: Option<Name>,
-    /// Latency of a call in core cycles: the address of each operand depends on the previous
-    /// result.
+    /// Latency of a call in core cycles, measured by letting the address of each operand depend on
+    /// the previous result.
     pub call_latency: Option<f64>,
-    /// Core cycles per call when the calls are independent.
+    /// Core cycles per call when many independent calls overlap.
     pub call_throughput: Option<f64>,
     /// The longest chain of dependent operations, in words, from the macro's comment.
     pub critical_path: Option<String>,
@@ -169,7 +171,7 @@ pub struct Counts {
     pub model: Option<Model>,
     /// Why the code cannot run here, if there is code.
     pub unavailable: Option<String>,
-    /// Why latency or throughput is unknown although it was measured.
+    /// Why latency or throughput is None although it was measured.
     pub no_cycles: Option<Name>,
     /// The listing of the function.
     pub listing: Vec<Line>,
@@ -182,7 +184,7 @@ pub struct Path {
     pub path: Name,
     /// Instructions executed by a call, including what it calls.
     pub executed: u64,
-    /// How many of these are in the body.
+    /// How many of the executed instructions are in the body.
     pub body: Option<u64>,
 }
 
@@ -195,7 +197,8 @@ pub struct Line {
     pub body: bool,
     /// How many times a call on the first path executes it, if that was counted.
     pub executed: Option<u64>,
-    /// The target of a jump, as an `offset`; in C and Rust it may lie outside of the function.
+    /// The target of a jump, as an offset like `offset`; in C and Rust it may lie outside of the
+    /// function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<usize>,
     /// Its place in the source, for kernels in NASM that this CPU runs.
@@ -206,16 +209,15 @@ pub struct Line {
 /// The source line of an instruction.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Source {
-    /// The file of the innermost macro; empty outside of macros.
+    /// The file of the innermost macro; empty for an instruction outside of macros.
     pub file: String,
     pub line: usize,
     pub text: String,
-    /// The macros in which it stands, outermost first.
+    /// The macros that the instruction comes from, outermost first.
     pub macros: Vec<String>,
 }
 
-/// The listing of a function, with the source of each instruction where the table of source lines
-/// has it.
+/// The listing of a function. Instructions that are in the table of source lines have their source.
 pub fn listing(code: &Code) -> Vec<Line> {
     let unit = Unit::with_function(&code.symbol);
     let source = |i: &Instruction| {
@@ -278,8 +280,8 @@ pub struct FrameRow {
     pub engine: Name,
     pub width: u32,
     pub height: u32,
-    /// The number of rays: one per pixel, even where the engine knows without a test what the ray
-    /// hits.
+    /// The number of rays: one per pixel, even where the engine knows the hits of a pixel without a
+    /// test.
     pub rays: u64,
     /// Instructions executed for the whole picture, without preparing the scene.
     pub instructions: u64,
@@ -287,10 +289,10 @@ pub struct FrameRow {
     pub per_ray: f64,
 }
 
-/// Callback for progress: gets the work done and the whole work.
+/// A callback for progress: gets the work done so far and the total work.
 pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 
-/// The work of single-stepping through a picture, in rows of the table.
+/// How much work single-stepping a picture is, as a multiple of a table row's work.
 const FRAME_WORK: usize = 25;
 
 /// Why nothing was counted.
@@ -302,12 +304,13 @@ pub enum OpsError {
         ALL_OPERATIONS.join(", ")
     )]
     NoOperation(String),
-    /// Wrong kernels: neither their instructions nor their cycles would mean anything.
+    /// Some kernels are wrong, so that neither their instructions nor their cycles would mean
+    /// anything.
     #[error("{}", in_words(.0))]
     Wrong(Vec<Failed>),
 }
 
-/// The message about wrong kernels: full details of the first ones, and the names of the others.
+/// The message about wrong kernels: all details of the first ones, and the names of the others.
 fn in_words(wrong: &[Failed]) -> String {
     const TOLD: usize = 3;
     let (told, others) = wrong.split_at(wrong.len().min(TOLD));
@@ -320,7 +323,7 @@ fn in_words(wrong: &[Failed]) -> String {
     words.join("\n")
 }
 
-/// The operation and the implementation of each row.
+/// For each row of the table the operation and the implementation.
 fn cells(options: &Options) -> Result<Vec<(&'static str, &'static str)>, OpsError> {
     let every = || ALL_OPERATIONS.into_iter().chain([LIT]);
     if let Some(op) = options.wanted.iter().find(|wanted| every().all(|op| op != *wanted)) {
@@ -337,7 +340,7 @@ fn cells(options: &Options) -> Result<Vec<(&'static str, &'static str)>, OpsErro
     Ok(every().filter(is_wanted).flat_map(rows).collect())
 }
 
-/// Checks the requested kernels, and the chains of them if these are to be timed, and returns the
+/// Checks the requested kernels, and their chains if cycles are to be measured, and returns the
 /// wrong ones.
 pub fn wrong(options: &Options) -> Result<Vec<Failed>, OpsError> {
     let checks = cells(options)?.into_iter().flat_map(|(op, implementation)| check(op, implementation, options.cost));
@@ -358,7 +361,7 @@ fn check(op: &str, implementation: &str, chains: bool) -> Vec<Result<(), Box<Fai
     [function].into_iter().chain(chains).collect()
 }
 
-/// The chains of an operation, if an implementation has any that run here.
+/// The chains of an operation in an implementation, if there are any that run here.
 fn chains_of(op: &str, implementation: &str) -> Option<&'static Chains> {
     let chains = match implementation {
         "paper" => kernels::chains_of_paper()?,
@@ -411,15 +414,15 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Ops
     }
     let core_cycles_per_tick = options.cost.then(core_cycles_per_tick);
     if let Some(cores) = cores {
-        // These cores were allowed before; if they no longer are, the thread stays pinned.
+        // These cores were allowed before. If they no longer are, the thread stays pinned.
         let _ = cores.allow();
     }
     let compilers = Compilers::this();
     Ok(Report { rows, frames, executed_unavailable, core_cycles_per_tick, feedback_cycles, compilers })
 }
 
-/// One cell of the table. `feedback_cycles` is None if costs are not wanted; else it contains the
-/// cycles to subtract from chained latencies, if they are known.
+/// One row of the table. `feedback_cycles` is None if cycles are not to be measured; otherwise it
+/// has the cycles to subtract from the latencies of chains, if these are known.
 fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<Option<f64>>) -> Counts {
     let printed = OPS.iter().zip(PRINTED).find(|(name, _)| **name == op).map(|(_, printed)| printed);
     let mut row = Counts { op: op.into(), implementation: implementation.into(), ..Counts::default() };
@@ -429,7 +432,8 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
                 row.count(&code);
             }
         }
-        // The paper's counts of C appear to be of whole functions, those of SIMD are of its macros.
+        // The paper's counts of C appear to be those of whole functions, and its counts of SIMD
+        // those of macros.
         ("printed-c", printed) => row.function = printed.map(|(c, _)| c),
         ("printed-simd", printed) => row.body = printed.map(|(_, simd)| simd),
         _ => {
@@ -454,8 +458,8 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
     row
 }
 
-/// The operation `op` of an implementation, ready to be called; or the reason why there is none, or
-/// none that runs here.
+/// The operation `op` of an implementation, ready to be called; or the reason why it does not exist
+/// or does not run here.
 fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
     match implementation {
         "rust" => kept::rust(op).ok_or_else(|| unwritten("Rust")),
@@ -560,7 +564,7 @@ impl Counts {
         }
     }
 
-    /// Uses chains of the body for the row's costs, if there are any.
+    /// Takes the row's costs from chains of the body, if there are any.
     fn chain(&mut self, feedback: Option<f64>) {
         let packets = isa(&self.implementation).and_then(kernels::chains_of_packets);
         let Some(Chains { latency, throughput, .. }) = chains_of(&self.op, &self.implementation) else { return };
@@ -571,12 +575,13 @@ impl Counts {
     }
 }
 
-/// Core cycles per operation of a chain; None if they are less than `least`, which is impossible.
+/// Core cycles per operation of a chain. None if they are fewer than `least`, which is impossible,
+/// so that the measurement must be wrong.
 fn chain_cycles(chain: kernels::Chain, least: f64) -> Option<f64> {
     core_cycles(REPEATS, least, || chain.run(ROUNDS))
 }
 
-/// The critical path from the comment above a macro, for the form that `implementation` uses.
+/// The critical path from the comment above a macro, in the form that `implementation` uses.
 fn critical_path(op: &str, implementation: &str) -> Option<String> {
     let upper = op.to_uppercase();
     let (aos, packet) = match op {
@@ -603,7 +608,7 @@ fn critical_path(op: &str, implementation: &str) -> Option<String> {
     ];
     let comment = sources.iter().find_map(|source| source.split_once(&header))?.1;
     let line = comment.lines().find_map(|line| line.split_once("critical path"))?.1;
-    // The comment has the two forms in two columns.
+    // In the comment the critical paths of the two forms are two columns.
     let forms: Vec<_> = line.split("   ").map(str::trim).filter(|form| !form.is_empty()).collect();
     forms.get(usize::from(second)).or(forms.first()).map(|form| form.to_string())
 }
@@ -615,8 +620,8 @@ fn frame(engine: &Engine) -> Result<FrameRow, Unavailable> {
     let rays = scene.camera.pixels();
     let tracer = engine.prepare(None, &scene).expect("the engine runs here, in its own precision");
     let mut film = Film::new(PixelFormat::F32x4, rays as usize).expect("memory for a small picture");
-    // The picture is traced once before, so that work that is done only in a first call (such as
-    // symbol binding) is not counted.
+    // The picture is traced once before, so that work of a first call, such as symbol binding, is
+    // not counted.
     tracer.rows(0..height, film.as_mut());
     let instructions = step::count_instructions(|| tracer.rows(0..height, film.as_mut()))?;
     let per_pixel = instructions as f64 / rays as f64;

@@ -11,8 +11,8 @@ use super::svg::{
 
 const SIZE: (i32, i32) = (960, 560);
 
-/// For each size, megapixels and billions of cycles of an engine: mean cycles, as the paper gives
-/// them.
+/// For each size megapixels and billions of cycles of an engine: mean cycles, since the paper gives
+/// means.
 fn points<'a>(document: &'a Experiment, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
     document.table.rows.iter().filter(move |row| row.is(engine)).map(|row| (mega(row), row.cycles_mean / 1e9))
 }
@@ -26,8 +26,8 @@ fn up_to(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     0.0..1.08 * values.fold(f64::MIN_POSITIVE, f64::max)
 }
 
-/// Draws time against pixels: our C and SIMD on the left axis, and the paper's on a right axis of
-/// their own, since its machine was another.
+/// Draws time against pixels: our C and SIMD on the left axis, and the paper's on an axis at the
+/// right, since they were measured on another machine.
 pub fn figure2(document: &Experiment, screen: Screen) -> Result<String, PlotError> {
     let (c, simd) = (colour_of(BASELINE), colour_of(CONTROL));
     let entries = [
@@ -103,7 +103,7 @@ fn draw_ratios(area: &Area<'_>, document: &Experiment) -> Result<(), PlotError> 
         .y_label_area_size(56)
         .build_cartesian_2d(0.0..2.1, y)?;
     axes(&mut chart, "megapixels", "C/SIMD")?;
-    // An interval that is very wide because of noise ends at the frame.
+    // An interval that noise has made very wide is cut off at the frame.
     let bar = |x: f64, value: f64, low: f64, high: f64, colour: RGBColor| {
         ErrorBar::new_vertical(x, low.min(top), value.min(top), high.min(top), colour.filled(), 8)
     };
@@ -118,10 +118,10 @@ fn draw_ratios(area: &Area<'_>, document: &Experiment) -> Result<(), PlotError> 
     Ok(())
 }
 
-/// The height of a rung's bar, and of the gap below it.
+/// The height of a rung's bar, and of the gap below the bar.
 const BAR: (i32, i32) = (18, 8);
-/// The columns of the bars in a wide figure, with names to their left and words to their right. In
-/// a narrow figure both are above the bars.
+/// The columns of the bars in a wide figure, which has names to their left and words to their
+/// right. In a narrow figure names and words are above the bars.
 const BARS: std::ops::Range<i32> = 205..570;
 const LADDER_WIDTH: i32 = 1080;
 
@@ -138,7 +138,7 @@ struct Waterfall<'a> {
 }
 
 /// Draws the ladder as a waterfall: how each change affects the cycles per pixel, from the first
-/// rung to the last, on a logarithmic scale, on which factors add up. Asides are drawn in grey and
+/// rung to the last. The scale is logarithmic, so that factors add up. Asides are drawn in grey and
 /// do not shift the bars after them.
 pub fn waterfall(ladder: &[Rung], screen: Screen) -> Result<String, PlotError> {
     let (width, _) = screen.size((LADDER_WIDTH, 0));
@@ -184,7 +184,7 @@ impl Waterfall<'_> {
         above + BAR.0 + BAR.1
     }
 
-    /// Draws the lines of the axis, and its quantity below them.
+    /// Draws the axis: its lines, and below them the quantity.
     fn draw_axis(&self, area: &Area<'_>, bottom: i32) -> Result<(), PlotError> {
         let values = (-4..8).flat_map(|exponent| [1.0, 3.0].map(|digit| digit * 10_f64.powi(exponent)));
         for value in values.filter(|value| (self.low..=self.high).contains(&value.log2())) {

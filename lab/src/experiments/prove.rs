@@ -4,12 +4,12 @@
 //! symbols for its inputs ([`machine`]), and runs the twin in Rust with the same symbols
 //! ([`symbol`]). Both give expressions ([`graph`]). If these are the same, or are the same in every
 //! case of the conditions that they contain ([`decide`]), code and twin are equal for all inputs,
-//! up to which NaN a NaN is. If they are not, random inputs are tried until some show a difference,
-//! and the CPU runs the code on these.
+//! except that a NaN may be another NaN. If they are not, random inputs are tried until some show a
+//! difference, and the CPU runs the code on these.
 //!
-//! A proof assumes that the model of the instructions is that of the CPU, which `rayo step`
-//! compares at each step it shows; that rounding is to nearest, with denormals; and that the
-//! arguments point to what the contract of the function says. It covers neither the calling
+//! A proof assumes that the model of the instructions is right, which `rayo step` compares with the
+//! CPU at each step that it shows; that rounding is to nearest, with denormals; and that the
+//! arguments point to what the contract of the function says. A proof covers neither the calling
 //! convention nor exceptions nor accesses beyond the arguments: tests do.
 
 pub mod alone;
@@ -41,10 +41,10 @@ use rayo::internals::scene::Rng;
 
 /// How many random inputs are tried where two computations are not proved equal.
 const TRIES: usize = 400;
-/// The seed of these inputs.
+/// The seed of the random inputs.
 const SEED: u64 = 1;
 
-/// Everything that is proved: operations of the tables, and macros by themselves.
+/// Everything that is proved: the operations of the tables, and the tracers' macros by themselves.
 pub fn subjects() -> Vec<Subject> {
     let mut subjects = operations::all();
     subjects.extend(alone::all());
@@ -52,8 +52,8 @@ pub fn subjects() -> Vec<Subject> {
     subjects
 }
 
-/// Whether an operation in f32 is proved to equal its twin, by the names of the operation and of
-/// its implementation. None if that is not in assembly.
+/// Whether an operation in f32 is proved to equal its twin. None for an implementation that is not
+/// in assembly.
 pub fn is_proved(operation: &str, implementation: &str) -> Option<bool> {
     let is_wanted = |subject: &Subject| {
         let name = if subject.form == "packets" { subject.isa.name() } else { subject.form };
@@ -99,12 +99,13 @@ pub struct Subject {
     pub form: &'static str,
     pub isa: Isa,
     pub precision: Precision,
-    /// The macros that it is made of, and that it proves.
+    /// The macros that the code is made of, which the proof covers.
     pub macros: &'static [&'static str],
     /// The function's name in the linked program.
     pub symbol: &'static str,
     pub address: usize,
-    /// General registers with arguments, by their numbers in instructions.
+    /// Pairs of a general register and the argument that it holds. Registers have the numbers that
+    /// instructions encode.
     pub registers: Vec<(usize, u64)>,
     pub inputs: Vec<InputNumber>,
     /// The results of each lane.
@@ -137,19 +138,19 @@ pub struct InputNumber {
     pub name: String,
 }
 
-/// Calls a function on inputs, whose bits it gets by their names, and returns the results of all
-/// lanes.
+/// Calls a function, and returns the results of all lanes. The argument gives the bits of each
+/// input by its name.
 pub type Call = Box<dyn Fn(&dyn Fn(&str) -> u64) -> Vec<u64>>;
 
 /// The outcome of a proof.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proof {
     pub verdict: Verdict,
-    /// Paths through the machine code, and pairs of these with paths through the twin that an input
-    /// can take.
+    /// How many paths go through the machine code, and how many pairs of such a path and a path
+    /// through the twin some input can take.
     pub paths: usize,
     pub pairs: usize,
-    /// Uses of each of [`Lemma::ALL`].
+    /// How often each of [`Lemma::ALL`] was used.
     pub lemmas: [usize; Lemma::ALL.len()],
 }
 
@@ -157,22 +158,22 @@ pub struct Proof {
 pub enum Verdict {
     /// Equal for all inputs.
     Proved,
-    /// Not equal; with inputs that show it, if the search found some.
+    /// Not equal, with inputs that show it, if the search found any.
     Differs(Option<Counterexample>),
-    /// Neither proved nor refuted, for this reason.
+    /// Neither proved nor refuted, for the given reason.
     Unproved(String),
 }
 
 /// Inputs on which code and twin differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Counterexample {
-    /// The name and the value of each.
+    /// The name and the value of each input.
     pub inputs: Vec<(String, f64)>,
     pub lane: usize,
-    /// The results of the code and of the twin, by the model.
+    /// The results of the code and of the twin, computed by the model.
     pub code: Vec<f64>,
     pub twin: Vec<f64>,
-    /// Whether the code was run on the CPU, and gave the model's results.
+    /// Whether the CPU has run the code on these inputs and given the model's results.
     pub seen: bool,
 }
 
@@ -191,7 +192,7 @@ pub fn prove_in(subject: &Subject, program: &Program) -> Proof {
     Proof { verdict, paths, pairs, lemmas: graph::uses() }
 }
 
-/// The paths of the code, and for each lane those of the twin.
+/// The paths through the code, and for each lane those through the twin.
 pub struct Paths {
     pub code: Vec<Path>,
     pub twins: Vec<Vec<Path>>,
@@ -224,10 +225,10 @@ pub fn paths(subject: &Subject, program: &Program) -> Result<Paths, Unproved> {
     Ok(Paths { code, twins })
 }
 
-/// Compares code and twin in all lanes; the numbers of paths and pairs, as in [`Proof`].
+/// Compares code and twin in all lanes. Returns the numbers of paths and pairs, as in [`Proof`].
 ///
 /// # Errors
-/// The verdict if they are not equal in some lane, or if nothing is known.
+/// The verdict, if they are not equal in some lane or if that could not be decided.
 fn compared(subject: &Subject, program: &Program) -> Result<(usize, usize), Verdict> {
     let unproved = |why: Unproved| Verdict::Unproved(why.to_string());
     let paths = paths(subject, program).map_err(unproved)?;
@@ -250,13 +251,12 @@ fn compared(subject: &Subject, program: &Program) -> Result<(usize, usize), Verd
             }
         }
     }
-    // Code that never returns, or has no path that some input takes, would otherwise equal
-    // everything.
+    // Code that never returns, or whose paths no input takes, would otherwise equal everything.
     if pairs == 0 { Err(Verdict::Unproved("no input takes any path".into())) } else { Ok((paths.code.len(), pairs)) }
 }
 
-/// Random bits for each input by its name, from one source of numbers, which are f32 in both
-/// formats.
+/// Random bits for each input by its name. The numbers come from one source and are f32, also where
+/// the input is f64.
 pub fn random_inputs(subject: &Subject, numbers: Numbers, rng: &mut Rng) -> HashMap<String, u64> {
     let mut inputs = HashMap::new();
     for InputNumber { format, name, .. } in &subject.inputs {
@@ -267,13 +267,14 @@ pub fn random_inputs(subject: &Subject, numbers: Numbers, rng: &mut Rng) -> Hash
     inputs
 }
 
-/// Whether results are the same numbers: the same bits, or both NaN.
+/// Whether two results are equal: they have the same bits, or both are NaN.
 pub fn same(format: Number, a: u64, b: u64) -> bool {
     a == b || format.value(a).is_nan() && format.value(b).is_nan()
 }
 
 /// Searches random inputs for some on which the expressions of code and twin differ in a lane. If
-/// `is_own`, no byte of the code is changed: then the CPU runs it on them, to confirm its results.
+/// `is_own`, the code is the program's without any change, and the CPU runs it on these inputs to
+/// confirm its results.
 fn search(subject: &Subject, paths: &Paths, lane: usize, is_own: bool) -> Option<Counterexample> {
     let mut rng = Rng::new(SEED);
     let code = paths.code_of(subject, lane);

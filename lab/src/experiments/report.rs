@@ -20,7 +20,7 @@ use crate::measure::Name;
 use rayo::internals::plan::{Kept, Report as PlanReport, Switch};
 use rayo::internals::scene::{brief, shown, text_within};
 
-/// The schema of the documents that this program writes and reads.
+/// The number of the schema of the documents that this program reads and writes.
 pub const SCHEMA: u64 = 1;
 
 /// The stages of a report, in the order in which they are measured.
@@ -55,7 +55,7 @@ impl Stage {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Results {
     pub machine: Machine,
-    /// Whether it was a quick run, of few runs and small pictures.
+    /// Whether it was a quick run, with few rounds and small pictures.
     #[serde(default)]
     pub quick: bool,
     /// For each stage that is missing or incomplete, by name, the reason.
@@ -64,29 +64,29 @@ pub struct Results {
     /// The seconds that each stage took, by its name.
     #[serde(default)]
     pub seconds: BTreeMap<String, f64>,
-    /// C against SIMD, and the ladder.
+    /// C compared with SIMD, and the ladder.
     pub experiment: Option<Experiment>,
     /// Instructions of each operation.
     pub ops: Option<ops::Report>,
-    /// Peak arithmetic and stores, and how close the kernels come.
+    /// Peak arithmetic and store rates, and how close the kernels come to them.
     pub roofline: Option<Roofline>,
     /// Error against run time.
     pub accuracy: Option<AccuracyReport>,
-    /// Stiff and extreme scenes.
+    /// Errors on ill-conditioned and extreme scenes.
     pub stability: Option<StabilityReport>,
-    /// Growth in pixels, objects and lights.
+    /// How times grow with pixels, objects and lights.
     pub complexity: Option<Complexity>,
-    /// Growth in threads.
+    /// How times fall with threads.
     pub threads: Option<Vec<OnThreads>>,
-    /// What is left out of scenes.
+    /// What the plans of some scenes omit.
     pub plans: Option<Vec<Planned>>,
-    /// Scenes by every engine.
+    /// The pictures of some scenes by every engine.
     pub gallery: Option<Vec<Shown>>,
     /// One ray, as `rayo step` prints it.
     pub ray: Option<Told>,
 }
 
-/// What a scene does not need, and the gain of leaving it out.
+/// What the plan of a scene omits, and what each omission gains.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Planned {
     pub scene: String,
@@ -102,23 +102,23 @@ pub struct Planned {
     pub left_out: Vec<Left>,
 }
 
-/// A line of the work that is left out.
+/// One omission of a plan.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Left {
     pub what: String,
     pub count: u64,
     pub unit: String,
     pub reason: String,
-    /// The picture's time if this work is done, divided by that of the plan; null if no code does
-    /// it.
+    /// The picture's time without this omission, divided by that of the plan; null if no code does
+    /// the omitted work.
     pub worth: Option<f64>,
-    /// Whether doing this work needs other arithmetic, so that `keep_all` does not include it.
+    /// Whether the omitted work needs other arithmetic, so that `keep_all` does not include it.
     #[serde(default)]
     pub other_arithmetic: bool,
 }
 
 impl Left {
-    /// The lines of a plan, each with its gain.
+    /// The omissions of a plan, each with its gain.
     pub fn of(report: &PlanReport, worth: &[Option<f64>]) -> Vec<Left> {
         let line = |(line, worth): (&rayo::internals::plan::LeftOut, &Option<f64>)| Left {
             what: line.what.into(),
@@ -143,7 +143,7 @@ pub struct Told {
 /// Why there are no results.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The directory has none of the documents that the program writes.
+    /// The directory has no document that this program writes.
     #[error(
         "{}: no results are here: name a directory that `rayo report`, `experiment`, `accuracy` or `stability` wrote, or one \
          that holds those of several", shown(.0)
@@ -153,22 +153,21 @@ pub enum ReadError {
     Io { path: PathBuf, error: io::Error },
     #[error("{} is cut short, or no results: {}", shown(path), brief(&error.to_string()))]
     Json { path: PathBuf, error: serde_json::Error },
-    /// A document that lacks something that every run writes.
+    /// A document lacks something that every run writes.
     #[error("{} is not whole: {what}", shown(path))]
     Gap { path: PathBuf, what: String },
-    /// A document of another schema.
+    /// A document has another schema.
     #[error(
         "{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it",
         shown(path), found = brief(found)
     )]
     Schema { path: PathBuf, found: String },
-    /// Documents of two machines.
+    /// The documents come from two machines.
     #[error("{}: these results are of another machine than others in the same directory: give each machine a directory", shown(.0))]
     Machines(PathBuf),
 }
 
-/// Subdirectories in which commands write by default, in a directory that holds the results of
-/// several.
+/// The subdirectories that commands write to by default, and "" for the directory itself.
 const PLACES: [&str; 6] = ["", "report", "experiment", "accuracy", "stability", "complexity"];
 const FILES: [&str; 2] = ["results.json", "complexity.json"];
 
@@ -210,7 +209,7 @@ impl Results {
             let found = if schema.is_null() { "no number".to_owned() } else { schema.to_string() };
             return Err(ReadError::Schema { path: path.into(), found });
         }
-        // A key that only the document of one experiment has tells which one it is.
+        // A key that only one experiment's document has tells which experiment it is of.
         let parts = [
             ("verdicts", "experiment"),
             ("cells", "stability"),
@@ -219,7 +218,7 @@ impl Results {
         ];
         let part = parts.into_iter().find(|(field, _)| document.get(field).is_some());
         let (machine, quick) = (&document["machine"], document["quick"] == true);
-        // The document is embedded as text, so that errors name its lines.
+        // The document is embedded as text, so that errors give its line numbers.
         let whole = match part {
             Some((_, part)) => format!(r#"{{"machine": {machine}, "quick": {quick}, "{part}": {text}}}"#),
             None => text.into(),
@@ -231,7 +230,7 @@ impl Results {
         Ok(results)
     }
 
-    /// Merges two results; where both have a part, the first one's is kept.
+    /// Merges two results. If both have a part, it is taken from the first.
     fn and(self, other: Results) -> Results {
         Results {
             machine: self.machine,

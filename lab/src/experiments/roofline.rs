@@ -19,14 +19,14 @@ use rayo::internals::kernels::{self, Isa, Vec4, code_at, step};
 use rayo::internals::render::{Engine, Film, PixelFormat, Purpose};
 use rayo::internals::scene::Scene;
 
-/// The scenes, for which every packet engine is a point.
+/// The scenes; each gives a point per engine.
 const SCENES: [&str; 2] = ["sphere", "tetrahedron"];
-/// The size of the picture whose instructions are counted, by single-stepping.
+/// The size of the picture in which instructions are counted by single-stepping.
 const COUNTED: (u32, u32) = (32, 24);
-/// An upper bound on the instructions of such a picture.
+/// An upper bound on the instructions that a picture of that size takes.
 const MOST: usize = 1 << 20;
 const RUNS: usize = 15;
-/// How many rounds of multiplications are timed at once: they take some 50 microseconds.
+/// How many rounds of multiplications are timed at once: about 50 microseconds of them.
 const ROUNDS: u64 = 10_000;
 
 /// The peak arithmetic of an instruction set.
@@ -43,10 +43,10 @@ pub struct Point {
     pub scene: Name,
     pub engine: Name,
     pub output: Name,
-    /// Arithmetic operations executed per pixel: an addition, a product, a quotient or a root
-    /// counts as one in each lane.
+    /// Arithmetic operations executed per pixel. In each lane an addition, a product, a quotient or
+    /// a root counts as one.
     pub flops_per_pixel: f64,
-    /// Bytes of the picture per pixel.
+    /// The bytes that the picture has per pixel.
     pub bytes_per_pixel: f64,
     /// TSC cycles per pixel in the fastest run.
     pub cycles_per_pixel: f64,
@@ -75,7 +75,7 @@ pub fn run(caches: &[Cache], clock: &mut dyn Clock, proceed: &mut Progress<'_>) 
     if !proceed(1) {
         return Ok(None);
     }
-    // A fill with zeros calls the C library's `memset`, which uses the CPU's widest stores.
+    // Filling with zeros calls the C library's `memset`, which uses the CPU's widest stores.
     roofline.roofs = bandwidth(caches, RUNS, clock, |pixels, _| pixels.fill(Vec4::default()))?;
     if !proceed(1) {
         return Ok(None);
@@ -155,7 +155,7 @@ fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, LabError> {
     Ok(visits.iter().map(|visit| f64::from(at(visit.rip))).sum())
 }
 
-/// The operations on f32 or f64 of one instruction, summed over its lanes.
+/// The number of f32 or f64 operations of one instruction, over all its lanes.
 fn flops(instruction: &Instruction) -> u32 {
     let (mnemonic, operands) = instruction.text.split_once(' ').unwrap_or((&instruction.text, ""));
     let name = mnemonic.strip_prefix('v').unwrap_or(mnemonic);
@@ -176,7 +176,7 @@ fn flops(instruction: &Instruction) -> u32 {
     match operation.trim_end_matches(|c: char| c.is_ascii_digit()) {
         "add" | "sub" | "mul" | "div" | "sqrt" | "rsqrt" | "rcp" | "hadd" | "addsub" => lanes,
         "fmadd" | "fmsub" | "fnmadd" | "fnmsub" => 2 * lanes,
-        // A dot product of four elements: four products and three additions.
+        // A dot product of four elements has four products and three additions.
         "dp" => 2 * lanes - 1,
         _ => 0,
     }

@@ -1,4 +1,5 @@
-//! The paper's section 5 again: `c` against `paper` and every other engine, at twenty sizes.
+//! The times of section 5 of the paper, measured again: `c` compared with `paper` and with every
+//! other engine, at twenty sizes.
 
 use std::str::FromStr;
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::accuracy::subjects::shipped;
 use super::check;
 use super::in_size;
-use super::lab::{Bench, Case, LabError, Pairs, Taken, Timed, Turn, judged, kept};
+use super::lab::{Bench, Case, LabError, Pairs, PreemptedCount, Timed, Turn, judged, kept};
 use crate::measure::statistics::{self, Estimate, mean, median, minimum};
 use crate::measure::{Clock, Name, Runs};
 use rayo::internals::render::reference::ReferenceTracer;
@@ -62,16 +63,16 @@ pub const PAPER: [PaperRow; 20] = [
     PaperRow { width: 1632, height: 1224, c: 3_445_162_034.08, simd: 538_688_063.42 },
 ];
 
-/// The five sizes of a quick run, as indices into [`PAPER`]: the first, the last, and three
+/// The five sizes of a quick run, as indices into [`PAPER`]: the smallest, the largest, and three
 /// between.
 const QUICK_SIZES: [usize; 5] = [0, 4, 9, 14, 19];
 /// The number of runs of each size in the paper.
 pub const RUNS: usize = 25;
 /// The number of runs of each size in a quick run.
 pub const QUICK_RUNS: usize = 5;
-/// The contestant with which all others are compared.
+/// The engine with which all others are compared.
 pub const BASELINE: &str = "c";
-/// The contestant that is entered twice, so that its ratio to itself shows the noise.
+/// The engine that is timed twice in each round, so that its ratio to itself shows the noise.
 pub const CONTROL: &str = "paper";
 
 /// The scene of the experiment, `scenes/sphere.in`.
@@ -84,8 +85,8 @@ pub(super) fn baseline_and_control() -> [Engine; 2] {
     [BASELINE, CONTROL].map(|name| name.parse().expect("asm is built"))
 }
 
-/// The work of a round per pixel, in the unit of [`Progress`](super::lab::Progress): that of all
-/// contestants together.
+/// The work of a round of all contestants together, per pixel, in the unit of
+/// [`Progress`](super::lab::Progress).
 const ROUND_WORK: u64 = 300;
 
 #[derive(Clone, Debug)]
@@ -98,12 +99,12 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The paper's sizes and runs, or a few of them if `quick`; with every engine that this machine
-    /// runs, or with the baseline, the control and those in `engines`.
+    /// The paper's sizes and number of runs, or fewer if `quick`; with every engine that this
+    /// machine runs or, if `engines` is given, with those, the baseline and the control.
     ///
     /// # Errors
-    /// If an engine is unknown or cannot run here. That may be the baseline or the control, in a
-    /// build without assembly.
+    /// If an engine is unknown or cannot run here. In a build without assembly that may be the
+    /// baseline or the control.
     pub fn new(quick: bool, runs: Option<usize>, engines: Option<&[String]>) -> Result<Self, EngineError> {
         let usable = || Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
         let names: Vec<&str> = engines.map_or_else(usable, |names| names.iter().map(String::as_str).collect());
@@ -142,19 +143,19 @@ pub struct Timing {
     pub precision: Name,
     pub output: Name,
     pub threads: usize,
-    /// Mean TSC cycles of a picture, as the paper gives them.
+    /// Mean TSC cycles of a picture; the paper gives means too.
     pub cycles_mean: f64,
     pub cycles_median: f64,
     pub cycles_min: f64,
-    /// How many times as fast as the baseline it is: the median of the ratios of pairs, the
-    /// baseline's cycles divided by this engine's.
+    /// How many times as fast as the baseline the engine is: the median ratio of the baseline's
+    /// cycles to the engine's, pair by pair.
     pub ratio_to_c: f64,
     pub ratio_low: f64,
     pub ratio_high: f64,
-    /// The number of runs that ended on another core than they began on; all figures include them.
+    /// The number of runs that ended on another core than they began on. All figures include them.
     pub migrations: usize,
-    /// The number of runs in which others had the core, while this engine or the baseline ran. All
-    /// figures leave them out unless they are more than half.
+    /// The number of runs in which this engine or the baseline was preempted. All figures leave
+    /// these runs out, unless they are more than half.
     pub taken: usize,
     /// The number of runs more than 3 MAD (median absolute deviations) from the median; all figures
     /// include them.
@@ -164,7 +165,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The row of an entry, from its runs and those of the baseline.
+    /// The row of a contestant, from its runs and those of the baseline.
     fn new(size: &PaperRow, entry: &Entry, baseline: &Runs, runs: Runs) -> Self {
         let pairs = Pairs::of(baseline, &runs);
         let ratio = pairs.estimate(1);
@@ -184,7 +185,7 @@ impl Timing {
             ratio_low: ratio.low,
             ratio_high: ratio.high,
             migrations: runs.migrations,
-            taken: Taken::among(&pairs.taken).taken,
+            taken: PreemptedCount::among(&pairs.taken).preempted,
             off: runs.off(),
             samples: runs.ticks,
         }
@@ -195,9 +196,9 @@ impl Timing {
         self.cycles_median / self.pixels as f64
     }
 
-    /// How many of its runs were disturbed because others had the core.
-    pub fn taken(&self) -> Taken {
-        Taken { taken: self.taken, of: self.samples.len() }
+    /// How many of this engine's runs were preempted.
+    pub fn taken(&self) -> PreemptedCount {
+        PreemptedCount { preempted: self.taken, measured: self.samples.len() }
     }
 
     /// Whether these are times of the engine `name` writing floats.
@@ -206,29 +207,30 @@ impl Timing {
     }
 }
 
-/// The control at one size: an engine against itself.
+/// The control at one size: an engine compared with itself.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct ControlRow {
     pub width: u32,
     pub height: u32,
-    /// The median ratio of the two entries, by pairs.
+    /// The median ratio of the engine's two measurements in a round, pair by pair.
     pub ratio: f64,
     pub low: f64,
     pub high: f64,
-    /// TSC cycles of every run of the second entry; those of the first are in the engine's own row.
+    /// TSC cycles of every run of the second measurement; those of the first are in the engine's
+    /// own row.
     pub samples: Vec<f64>,
 }
 
 /// The paper's table, measured again. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Speedup {
-    /// The largest distance of the control's ratio from 1 at any size: no ratio closer to 1 counts
-    /// as a difference.
+    /// The largest distance of the control's ratio from 1 at any size. A ratio that is closer to 1
+    /// does not count as a difference.
     pub noise_floor: f64,
-    /// C/SIMD over all sizes: the median ratio of `c` to `paper`, by pairs. Its interval comes from
-    /// a bootstrap over runs, and is widened by the noise floor.
+    /// C/SIMD over all sizes: the median ratio of `c` to `paper`, pair by pair. Its interval comes
+    /// from a bootstrap over runs and is widened by the noise floor.
     pub c_by_simd: Estimate,
-    /// The control's ratio over all sizes: the paper's SIMD compared with itself.
+    /// The control's ratio over all sizes: that of the paper's SIMD to itself.
     pub control_overall: Estimate,
     /// The control's ratio at every size that was finished.
     pub control: Vec<ControlRow>,
@@ -242,9 +244,9 @@ pub struct Speedup {
     /// The requested number of runs.
     #[serde(skip)]
     pub asked_runs: usize,
-    /// How many pairs of `c` and `paper` were disturbed because others had the core.
+    /// How many pairs of `c` and `paper` were preempted.
     #[serde(skip)]
-    pub taken: Taken,
+    pub taken: PreemptedCount,
 }
 
 /// A contestant: an engine with the pixel format that it writes.
@@ -254,9 +256,8 @@ pub(super) struct Entry {
     pub output: PixelFormat,
 }
 
-/// Every engine with floats, and packet engines with bytes too; the other engines would convert
-/// their floats to bytes, which says nothing new. The control is entered a second time right after
-/// itself.
+/// Every engine with floats, and packet engines with bytes too: other engines would convert their
+/// floats to bytes, which shows nothing new. The control has a second entry right after its first.
 pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, EngineError> {
     let mut entries = Vec::new();
     for engine in engines {
@@ -285,7 +286,7 @@ pub fn check(settings: &Settings) -> Result<(), LabError> {
     Ok(())
 }
 
-/// Measures run `number`: at each size, every contestant once, one right after the other, in
+/// Measures run `number`: at each size it times all contestants once, one after the other, in
 /// reverse order if `number` is odd. `finished` is called with the measurements of each size; if it
 /// returns false, the run ends there.
 ///
@@ -313,7 +314,8 @@ pub fn measure_run(
     Ok(())
 }
 
-/// The reference's picture at the first size. An engine whose picture differs from it is not timed.
+/// The reference's picture at the first size, with which the engines' pictures are compared before
+/// they are timed.
 pub(super) struct Truth {
     pub scene: Scene,
     levels: Vec<[u8; 3]>,
@@ -327,7 +329,7 @@ impl Truth {
         Ok(Truth { scene, levels: levels(&film) })
     }
 
-    /// Checks that `case` traces the reference's picture of this scene, and that its kernels keep
+    /// Checks that `case` traces the reference's picture of the scene, and that its kernels keep
     /// the calling convention.
     pub(super) fn check(&self, who: &str, case: &Case<'_>) -> Result<(), LabError> {
         let pixels = self.levels.len();
@@ -336,8 +338,8 @@ impl Truth {
         let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
         let wrong = levels(&film).iter().zip(&self.levels).filter(|(a, b)| apart(a, b)).count();
         // Where a ray grazes the sphere, rounding may decide between hit and miss. That can happen
-        // at a few of the outline's pixels; a 64th of the picture's width plus height is more than
-        // any engine needs.
+        // at a few pixels of the outline; a 64th of the picture's width plus height is more than
+        // any engine has needed.
         let allowed = (self.scene.camera.width() + self.scene.camera.height()) as usize / 64;
         if wrong > allowed {
             return Err(LabError::Picture { who: who.into(), output: case.output.name(), wrong, pixels, allowed });
@@ -350,7 +352,7 @@ fn levels(film: &Film) -> Vec<[u8; 3]> {
     (0..film.len()).map(|pixel| film.colour(pixel).levels()).collect()
 }
 
-/// The runs of one entry at one size, by its index among the sizes of each run.
+/// The runs of one entry at one size; `size` is an index into the sizes of each run.
 fn runs_of(runs: &[&Run], size: usize, entry: usize) -> Runs {
     Runs {
         ticks: runs.iter().map(|run| run[size][entry].ticks as f64).collect(),
@@ -361,7 +363,7 @@ fn runs_of(runs: &[&Run], size: usize, entry: usize) -> Runs {
 
 impl Speedup {
     /// The table, from the measurements of all `runs`. Runs that did not finish all sizes are left
-    /// out, unless there are no others.
+    /// out, unless no run did.
     pub fn of(settings: &Settings, runs: &[Run]) -> Result<Self, LabError> {
         let entries = entries(&settings.engines, &scene())?;
         let index_of =
@@ -395,18 +397,18 @@ impl Speedup {
             rows,
             noise_floor,
             control_overall: Pairs::in_turn(&by_itself).estimate(most),
-            // Resampling this series of runs cannot show how far another series would be from it:
-            // the noise floor is added for that.
+            // Resampling one series of runs cannot show how far another series would be from it.
+            // The noise floor is added for that.
             c_by_simd: Estimate { value, low, high }.widened(noise_floor),
             control: control_rows,
             runs: runs.len(),
             asked_sizes: settings.sizes.len(),
             asked_runs: settings.runs,
-            taken: Taken::among(by_simd.iter().flat_map(|pairs| &pairs.taken)),
+            taken: PreemptedCount::among(by_simd.iter().flat_map(|pairs| &pairs.taken)),
         })
     }
 
-    /// Whether every size and run that was asked for was finished.
+    /// Whether every requested size and run was finished.
     pub fn complete(&self) -> bool {
         self.control.len() == self.asked_sizes && self.runs == self.asked_runs
     }
@@ -422,8 +424,8 @@ pub fn paper_mean_ratio() -> f64 {
     statistics::mean(&PAPER.map(|row| row.ratio()))
 }
 
-/// Made-up runs for tests, in which each contestant takes its entry of `ticks` at every size, and
-/// one tick more in each following run.
+/// Made-up runs for tests: each contestant takes its number of `ticks` at every size in the first
+/// run, and one tick more in each following run.
 pub fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
     let run = |number: usize| {
         let mut run = Run::new();
@@ -511,7 +513,7 @@ mod tests {
             let (row, simd) = (&measured.rows[0], &measured.rows[1]);
             assert_eq!((row.cycles_median, row.cycles_mean, row.taken, simd.taken), (c, mean, disturbed, disturbed));
             assert_eq!((simd.ratio_to_c, measured.c_by_simd.value, row.samples.len()), (c / 1000.0, c / 1000.0, 5));
-            assert_eq!(measured.taken, Taken { taken: 2 * disturbed, of: 10 });
+            assert_eq!(measured.taken, PreemptedCount { preempted: 2 * disturbed, measured: 10 });
             assert_eq!(measured.taken.leaves_enough(), enough);
         }
         let control = measured(2).control_overall;

@@ -1,4 +1,5 @@
-//! Stiff and extreme scenes: compares every engine on every family with truth and limits.
+//! Sweeps the families of ill-conditioned and extreme scenes: compares every engine with the truth
+//! and with its limits.
 
 pub mod cost;
 pub mod limits;
@@ -18,11 +19,11 @@ use limits::{Broken, Figures, Limits};
 use rayo::internals::render::{EngineError, Film, Precision};
 use rayo::internals::scene::{Camera, Scene, many};
 
-/// The least number of rays of a cell, over all variants of a level, in a quick run and in a full
+/// The least number of rays per engine and level, over all variants, in a quick run and in a full
 /// one. (A level is a value of a family's parameter; its variants are cases with that value.)
 const RAYS: [u32; 2] = [3_000, 100_000];
-/// The number of timed runs, of which the fastest counts, and the time in seconds after which no
-/// further run begins.
+/// The number of timed runs, of which the fastest counts. After [`SECONDS`] seconds no further run
+/// begins.
 const RUNS: usize = 5;
 const SECONDS: f64 = 0.05;
 
@@ -32,7 +33,7 @@ pub struct Settings {
     pub families: Vec<&'static Family>,
     pub contenders: Vec<Contender>,
     pub seed: u64,
-    /// The only case to sweep, if not all.
+    /// The only case to sweep; None for all.
     pub case: Option<usize>,
     pub quick: bool,
     pub limits: Limits,
@@ -56,40 +57,40 @@ pub struct Cell {
     pub engine: Name,
     pub precision: Name,
     pub rays: usize,
-    /// Rays so close to another answer that an engine may give either: within the margin of
-    /// [`accuracy::errors`].
+    /// The number of rays so close to another result that an engine may give either: within the
+    /// margin of [`accuracy::errors`].
     pub in_margin: usize,
-    /// Rays outside of the margin with a hit where there is none, none where there is one, or
-    /// another object.
+    /// The number of rays outside of the margin that have a hit where there is none, or none where
+    /// there is one, or hit another object.
     pub wrong_hits: usize,
-    /// Rays that hit nothing in pictures that objects cover without a gap.
+    /// The number of rays that hit nothing although objects cover the picture without a gap.
     pub holes: usize,
     /// The largest error of t in units of its last place.
     pub max_ulp: Option<f64>,
-    /// The largest error of t as a share of the documented bound.
+    /// The largest relative error of t divided by its documented bound.
     pub bound_share: Option<f64>,
     /// The largest angle between the normal and the true one, in radians.
     pub max_angle: Option<f64>,
-    /// Pixels off by a level or more, in the worse of the two outputs; for packets in f64 only in
-    /// the bytes, since rounding to floats can cost a level.
+    /// The number of pixels off by a level or more, in the worse of the two outputs. For engines in
+    /// f64 only bytes count, since rounding a colour to an f32 float can change a level.
     pub off_by_1: usize,
-    /// Pixels off by one that the estimates in their shade do not explain.
+    /// The number of pixels off by one level that estimated roots in shading do not explain.
     #[serde(skip)]
     unexplained: usize,
     pub off_by_2: usize,
-    /// Nanoseconds per ray of the fastest run, with one thread, writing floats, over all variants.
+    /// Nanoseconds per ray over all variants in the fastest run, with one thread, writing floats.
     pub ns_per_ray: Option<f64>,
-    /// The ratio of that time to the ordinary level's or, in families whose levels show more or
-    /// less, to that of the [`ordinary`] scene.
+    /// The ratio of `ns_per_ray` to that of the ordinary level or, in families whose levels differ
+    /// in how much they show, to that of the [`ordinary`] scene.
     pub slowdown: Option<f64>,
-    /// The case with the most wrong hits or, if there are none, with the largest share of the
-    /// bound.
+    /// The case with the most wrong hits. If there are none, the case whose t is worst relative to
+    /// its bound.
     pub worst_case: usize,
-    /// For each of [`Figures`], the figure of the worst case, and that case.
+    /// For each of [`Figures`], its value in the worst case, and the number of that case.
     #[serde(skip)]
     worst_by: [(f64, usize); limits::MEASURES.len()],
-    /// The number of rays of the whole level, even if only one of its cases is swept: limits are
-    /// shares of it.
+    /// The number of rays of the whole level, even if only one of its cases is swept. Limits on
+    /// counts are shares of it.
     #[serde(skip)]
     level_rays: usize,
 }
@@ -112,8 +113,8 @@ impl Cell {
     }
 }
 
-/// Figures in the order of [`limits::MEASURES`]: the errors of t and of normals, 0 where there are
-/// none, then shares of the rays.
+/// The figures in the order of [`limits::MEASURES`]: the errors of t and of normals, 0 for None,
+/// and then shares of the rays.
 fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
     let [ulp, bound, angle] = errors.map(|error| error.unwrap_or(0.0));
     let [wrong, holes, unexplained, off_by_2] = shares;
@@ -128,17 +129,17 @@ pub struct Stability {
     pub precision: Name,
     /// The largest error of t in units of its last place; null if nothing is hit.
     pub worst: Option<f64>,
-    /// The largest error of t as a share of the documented bound.
+    /// The largest relative error of t divided by its documented bound.
     pub bound: Option<f64>,
     /// The largest angle between a normal and the true one, in radians.
     pub angle: Option<f64>,
-    /// Wrong hits and wrong objects outside of the margin.
+    /// The number of wrong hits and wrong objects outside of the margin.
     pub wrong_hits: usize,
-    /// Rays that hit nothing in pictures that objects cover without a gap.
+    /// The number of rays that hit nothing although objects cover the picture without a gap.
     pub holes: usize,
     pub off_by_1: usize,
     pub off_by_2: usize,
-    /// The first value of the parameter, from the ordinary one outwards, at which t exceeds its
+    /// The first value of the parameter, going away from the ordinary one, at which t exceeds its
     /// bound or a hit is wrong.
     pub breaks_at: Option<String>,
     /// The largest ratio of a level's time to the ordinary level's.
@@ -152,8 +153,8 @@ pub struct Stability {
     worst_by: [Worst; limits::MEASURES.len()],
 }
 
-/// A figure at the worst level, and at that level's worst case; counts are shares of the level's
-/// rays.
+/// A figure at the worst level, and in the worst case of that level. Counts are shares of the
+/// level's rays.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 struct Worst {
     figure: f64,
@@ -171,9 +172,10 @@ pub struct StabilityReport {
     pub rows: Vec<Stability>,
     /// The results level by level.
     pub cells: Vec<Cell>,
-    /// The times of a far sphere and of small scenes, divided by those of ordinary ones.
+    /// The times of scenes with a far sphere and of small scenes, divided by those of ordinary
+    /// scenes.
     pub costs: Vec<cost::Cost>,
-    /// The operations by themselves, also over ranges that exceed any scene's.
+    /// Single operations, also with numbers beyond the range of any scene's.
     pub operations: Vec<operations::OperationRow>,
     pub tighter: Vec<String>,
 }
@@ -184,7 +186,7 @@ pub fn side(family: &Family, quick: bool) -> u32 {
     rays.sqrt().ceil() as u32
 }
 
-/// A forecast of the seconds that [`sweep`] needs.
+/// A forecast of how many seconds [`sweep`] takes.
 pub fn forecast(settings: &Settings) -> f64 {
     let rays = |family: &&Family| {
         let cases = if settings.case.is_some() { 1 } else { family.cases() };
@@ -227,8 +229,8 @@ pub fn sweep(
 }
 
 impl StabilityReport {
-    /// Makes the document of the swept families, in their order, and compares them with their
-    /// limits. If they are `complete`, costs and single operations are measured too.
+    /// Makes the document of the swept families, in their order, and compares their results with
+    /// the limits. If `complete`, costs and single operations are measured too.
     ///
     /// # Errors
     /// If an engine cannot be prepared, or if there is not enough memory.
@@ -252,8 +254,8 @@ impl StabilityReport {
         if document.complete && settings.case.is_none() {
             document.costs = cost::measure(&settings.families, &settings.contenders, settings.quick)?;
             document.operations = operations::sweep(&settings.families, settings.seed, settings.quick);
-            // Small pictures of a quick run need not contain the worst rays, so that their limits
-            // cannot be tightened.
+            // The small pictures of a quick run may lack the worst rays, so that no limit can be
+            // tightened by them.
             let tighter = document.rows.iter().filter_map(|row| settings.limits.tighter(row));
             document.tighter = if settings.quick { Vec::new() } else { tighter.collect() };
         }
@@ -276,7 +278,7 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
     let mut usual = vec![0.0; cells.len()];
     for case in &cases {
         if !case.valid {
-            // An invalid scene has no picture: asking for one must be an error.
+            // An invalid scene has no picture; an engine must refuse it with an error.
             for (cell, contender) in cells.iter_mut().zip(&contenders) {
                 add_refusal(cell, case, *contender)?;
             }
@@ -320,8 +322,8 @@ fn empty(family: &Family, level: usize, contender: Contender) -> Cell {
     }
 }
 
-/// Adds to a cell whether an engine refuses an invalid case, and the time that it takes for that,
-/// divided by that of an ordinary picture.
+/// Adds to a cell whether an engine refuses an invalid case, and how long it takes to do so,
+/// divided by the time of an ordinary picture.
 fn add_refusal(cell: &mut Cell, case: &Case, contender: Contender) -> Result<(), LabError> {
     let Refusal { refused, ns } = refusal(contender, case);
     cell.rays += 1;
@@ -334,14 +336,14 @@ fn add_refusal(cell: &mut Cell, case: &Case, contender: Contender) -> Result<(),
     Ok(())
 }
 
-/// Adds an engine's results for a case, in each of its outputs, and returns the key by which cases
-/// are ranked from good to bad.
+/// Adds an engine's results for a case, in each of its outputs. Returns the key by which cases are
+/// ranked from good to bad.
 fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     let largest = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
     let Some(first) = judged.first().map(|judged| judged.errors) else { return (0, 0.0) };
     let wrong = first.wrong_hits + first.wrong_objects;
-    // An engine in f64 rounds its colours to f32 for a float file, which alone can change a level;
-    // for bytes it does not, so that only bytes count.
+    // An engine in f64 rounds its colours to f32 for a float file, which alone can change a level.
+    // For bytes it does not, so that only its bytes are judged.
     let bytes = judged.iter().any(|judged| judged.entry.output.is_8bit());
     let coarse = |judged: &&&Judged| {
         let Contender { precision, .. } = judged.entry.contender;
@@ -373,9 +375,9 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     (wrong + off_by_2, first.bound_share.unwrap_or(0.0))
 }
 
-/// The scene whose time is compared with that of a case, in families whose levels show more or
-/// less: it has as many spheres, triangles and lights in ordinary places, in a square picture of as
-/// many pixels.
+/// The scene whose time is compared with that of a case, in families whose levels differ in how
+/// much they show. It has as many spheres, triangles and lights, at ordinary positions, in a square
+/// picture of as many pixels.
 pub fn ordinary(case: &Case) -> Scene {
     let Scene { camera, lights, spheres, triangles, .. } = &case.scene;
     let side = (camera.pixels() as f64).sqrt().ceil() as u32;
@@ -385,7 +387,7 @@ pub fn ordinary(case: &Case) -> Scene {
     Scene { camera, lights: lamps, shadows: case.scene.shadows, ..scene }
 }
 
-/// Whether a scene was refused in every run, and after how many nanoseconds in the fastest.
+/// Whether a scene was refused in every run, and after how many nanoseconds in the fastest run.
 struct Refusal {
     refused: bool,
     ns: f64,
@@ -402,7 +404,7 @@ fn refusal(contender: Contender, case: &Case) -> Refusal {
     Refusal { refused, ns: 1e9 * fastest }
 }
 
-/// Nanoseconds per ray in the fastest run, with this thread.
+/// Nanoseconds per ray in the fastest run, by the calling thread alone.
 fn time(contender: Contender, scene: &Scene) -> Result<f64, LabError> {
     let camera = scene.camera;
     let tracer = contender.prepare(scene)?;
@@ -420,7 +422,7 @@ fn time(contender: Contender, scene: &Scene) -> Result<f64, LabError> {
     Ok(1e9 * fastest / camera.pixels() as f64)
 }
 
-/// Sets the slowdown of each cell relative to the ordinary level.
+/// Sets the slowdown of each cell, relative to the cell of the ordinary level.
 fn compare_times(family: &Family, cells: &mut [Cell]) {
     let ordinary: Vec<_> = cells.iter().filter(|cell| cell.level == family.ordinary).cloned().collect();
     for cell in cells {
@@ -429,7 +431,7 @@ fn compare_times(family: &Family, cells: &mut [Cell]) {
     }
 }
 
-/// The rows of a family from its cells.
+/// The rows of a family: one for each contender, from its cells.
 fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
     let mut seen = BTreeSet::new();
     let contenders = cells.iter().map(Cell::contender).filter(|contender| seen.insert(*contender));
@@ -471,7 +473,7 @@ fn row(family: &Family, cells: &[Cell], engine: &str, precision: &str) -> Stabil
     }
 }
 
-/// The command that repeats one case alone.
+/// The command that repeats a single case.
 pub fn replay(family: &str, engine: &str, case: usize, seed: u64, quick: bool) -> String {
     let quick = if quick { " --quick" } else { "" };
     format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {case}{quick}")

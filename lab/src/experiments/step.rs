@@ -1,4 +1,4 @@
-//! Follows one ray, or one operation, and shows every instruction in its source's words.
+//! Follows one ray, or one operation, and shows every instruction as its source has it.
 
 mod describe;
 pub mod model;
@@ -23,18 +23,18 @@ use crate::experiments::check::{self, What};
 use crate::measure::instructions::Mix;
 use crate::measure::source::Unit;
 use model::{Element, Operation, Place};
-use parts::{Part, parts_of_call, range_of};
+use parts::{Stretch, parts_of_call, range_of};
 use rayo::internals::kernels::step::{self, Recording, Step, Unavailable, Visit, VisitRecord};
 use rayo::internals::kernels::{Isa, Vec4};
 use rayo::internals::render::{Engine, EngineError, Film, FilmMut, Found, PixelFormat, Precision};
 use rayo::internals::scene::{Object, Scene};
 use shadow::{Shadow, ShadowedStep};
 
-/// The most instructions, of a pixel and its neighbours or of its tile, that are followed to find
-/// those of the pixel.
+/// How many instructions are followed at most to find those of a pixel. They make the pixel and its
+/// neighbours or, with packets, its tile.
 const MOST_VISITS: usize = 1 << 20;
 
-/// How many of the instructions that lose the most digits are named.
+/// How many of the instructions that lose the most digits are listed.
 const DEAREST: usize = 3;
 
 /// Which ray of a scene to watch, and how.
@@ -43,11 +43,11 @@ pub struct Ray {
     pub engine: Engine,
     /// The precision; None for the engine's own.
     pub precision: Option<Precision>,
-    /// Column and row.
+    /// The pixel's column and row.
     pub pixel: (u32, u32),
-    /// A lane of the packet to show instead of the pixel's own.
+    /// The lane of the packet to show; None for the pixel's own.
     pub lane: Option<usize>,
-    /// The most instructions to record.
+    /// The largest number of instructions to record.
     pub most: usize,
 }
 
@@ -77,7 +77,7 @@ pub enum WatchError {
     },
     #[error("instructions cannot be watched here: {0}")]
     Unavailable(#[from] Unavailable),
-    /// The pixel takes too many instructions to be followed.
+    /// Making the pixel takes more instructions than can be followed.
     #[error(
         "to make this pixel takes more than the {MOST_VISITS} instructions that can be followed: {}a scene with fewer objects",
         if .0.is_packet() { "choose " } else { "choose packets by --engine auto, or " }
@@ -105,7 +105,7 @@ pub enum WatchError {
 pub struct Watched {
     pub engine: &'static str,
     pub precision: &'static str,
-    /// Column and row; null for an operation.
+    /// The pixel's column and row; null for an operation.
     pub pixel: Option<[u32; 2]>,
     /// The lane of the packet that is shown.
     pub lane: Option<usize>,
@@ -113,11 +113,11 @@ pub struct Watched {
     pub lanes: usize,
     /// The number of instructions shown.
     pub instructions: usize,
-    /// The number of instructions that the model does not know, or for which it predicted other
-    /// bits than the CPU's.
+    /// The number of instructions that the model does not know, or for which its prediction
+    /// differed from the CPU in some bit.
     pub unknown: usize,
-    /// How many bits of registers and memory were compared with the model; all were equal except at
-    /// the instructions that `unknown` counts.
+    /// How many bits of registers and memory were compared with the model. All were equal, except
+    /// at the instructions that `unknown` counts.
     pub bits_compared: u64,
     /// The instructions that lose the most digits, as indices into `steps`, the worst first.
     pub dearest: Vec<usize>,
@@ -128,13 +128,13 @@ pub struct Watched {
     pub colour: Option<[f32; 3]>,
     /// The result of the operation.
     pub result: Option<Vec<f32>>,
-    /// Whether its twin returns the same bits; null for a scene.
+    /// Whether the operation's twin returns the same bits; null for a scene.
     pub same_as_twin: Option<bool>,
     /// How a kernel failed: a result that differs from its twin's, a broken rule of the calling
     /// convention, or a crash.
     pub failure: Option<String>,
     pub kinds: Mix,
-    /// The instructions as a tree in the order of the source, for people to read.
+    /// The instructions as a tree, ordered as in the source, to be printed as text or as a page.
     #[serde(skip)]
     pub tree: Vec<Node>,
 }
@@ -144,7 +144,7 @@ pub struct Watched {
 pub struct Hit {
     /// The object, such as `sphere 0`.
     pub object: String,
-    /// The distance along the ray, in lengths of r_d.
+    /// The distance along the ray, as a multiple of the length of r_d.
     pub t: f64,
     pub point: [f64; 3],
     /// The unit normal, if the engine computes one.
@@ -179,7 +179,7 @@ fn isa(engine: Engine) -> Result<Isa, WatchError> {
     }
 }
 
-/// The engines that can be watched on this machine, in words.
+/// The names of the engines that can be watched on this machine.
 fn watchable() -> String {
     let engines =
         Engine::ALL.iter().filter(|engine| engine.usable() && matches!(engine, Engine::Paper | Engine::Packet(_)));
@@ -203,7 +203,7 @@ fn unit(engine: Engine, isa: Isa) -> Result<&'static Unit, WatchError> {
     Unit::of(isa).ok_or(WatchError::Unavailable(Unavailable::Platform))
 }
 
-/// Checks that the scene has the ray's pixel, and the engine the scene's shadows.
+/// Checks that the picture has the ray's pixel, and that the engine has shadows if the scene does.
 fn check_ray(scene: &Scene, ray: &Ray) -> Result<(), WatchError> {
     let size = (scene.camera.width(), scene.camera.height());
     if ray.pixel.0 >= size.0 || ray.pixel.1 >= size.1 {
@@ -226,15 +226,14 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
     let film = RowOfFilm { address: pixels.as_ptr() as u64, width };
     let row = pixel.1..pixel.1 + 1;
-    // With packets only the pixel's tile is traced; otherwise the pixel and its neighbours, so that
-    // work that is done once per row can be told from work per pixel.
+    // With packets only the pixel's tile is traced. Otherwise the pixel and its neighbours are, so
+    // that work that is done once per row can be told from work per pixel.
     let near = u32::from(!engine.is_packet());
     let rows_of_tile = |rows: Range<u32>, columns: Range<u32>| {
         if columns.start <= pixel.0 + near && pixel.0 < columns.end + near { rows } else { 0..0 }
     };
     let mut trace = || _ = tracer.light(row.clone(), &rows_of_tile, Vec4::default(), pixels);
-    // The row is traced once before, unwatched, so that work that is done only in a first call does
-    // not show.
+    // The row is traced once before, unwatched, so that work of a first call is not shown.
     let failed = check::kernels_in(&mut trace).err();
     let precision = precision.unwrap_or(engine.precision()).name();
     if failed.as_ref().is_some_and(|failed| matches!(failed.what, What::Crash(_))) {
@@ -264,32 +263,32 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     Ok(watched)
 }
 
-/// The pixels of a row, as [`Vec4`].
+/// The pixels of a row in memory, each a [`Vec4`].
 struct RowOfFilm {
     address: u64,
     width: u32,
 }
 
 impl RowOfFilm {
-    /// The addresses of some of its columns.
+    /// The addresses of the pixels in some columns.
     fn bytes(&self, columns: Range<u32>) -> Range<u64> {
         let address = |column: u32| self.address + u64::from(column) * size_of::<Vec4>() as u64;
         address(columns.start)..address(columns.end)
     }
 }
 
-/// The instructions of kernels in `trace`, without their registers.
+/// The instructions that `trace` executes in kernels, without their registers.
 fn visits_of_row(unit: &Unit, engine: Engine, trace: &mut dyn FnMut()) -> Result<Vec<Visit>, WatchError> {
     let VisitRecord { visits, complete } = step::visits(from_ref(&unit.code), MOST_VISITS, trace)?;
     if complete { Ok(visits) } else { Err(WatchError::TooLong(engine)) }
 }
 
-/// Runs `trace` again, and records those of its instructions that may make the pixel, if they are
-/// at most `most`.
+/// Runs `trace` again, and records those instructions that may contribute to the pixel. It is an
+/// error if they are more than `most`.
 fn record_pixel(
     unit: &Unit,
     run: &Run<'_>,
-    calls: &[Vec<Part>],
+    calls: &[Vec<Stretch>],
     most: usize,
     trace: &mut dyn FnMut(),
 ) -> Result<Recording, WatchError> {
@@ -306,17 +305,17 @@ fn record_pixel(
     Ok(recording)
 }
 
-/// The pixel that is shown: the requested one, or its neighbour in the requested lane of the same
-/// packet.
+/// The pixel that is shown: the requested one or, if another lane was requested, the pixel of the
+/// same packet in that lane.
 struct ShownPixel {
     column: u32,
-    /// Its lane, if the engine traces packets.
+    /// The pixel's lane, if the engine traces packets.
     lane: Option<usize>,
-    /// What each recorded instruction contributes to it.
-    slice: Vec<slice::Part>,
+    /// What each recorded instruction contributes to the pixel.
+    slice: Vec<slice::Contribution>,
 }
 
-/// Finds the lane of the ray's pixel, and from it the pixel in the requested lane.
+/// Finds the lane of the ray's pixel, and from that the pixel in the requested lane.
 fn shown_pixel(ray: &Ray, steps: &[ShadowedStep<'_>], film: &RowOfFilm) -> Result<ShownPixel, WatchError> {
     let slice_of = |column: u32| {
         let bytes = film.bytes(column..column + 1);
@@ -359,18 +358,17 @@ pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>
     Ok(watched)
 }
 
-/// The description of all instructions of one call of a kernel, and of the crash that may have
-/// ended it.
+/// Describes all instructions of one call of a kernel, and the crash that may have ended it.
 fn tell_call(unit: &'static Unit, recording: &Recording, lane: Option<usize>) -> Watched {
     let seen = Candidate::of(recording.steps());
     let call = (0..seen.steps.len()).map(Item::Step).collect();
-    let nothing = vec![slice::Part::default(); seen.steps.len()];
+    let nothing = vec![slice::Contribution::default(); seen.steps.len()];
     let failure = recording.crashed.clone().map(|crashed| What::Crash(crashed).to_string());
     Watched { failure, ..seen.tell(unit, &[call], &nothing, lane) }
 }
 
-/// Watches the call of a kernel that crashes: its last `most` instructions, if it has at most
-/// [`MOST_VISITS`].
+/// Watches the call of a kernel that crashes: the last `most` instructions of it, if it executes at
+/// most [`MOST_VISITS`].
 fn watch_crash(
     unit: &'static Unit,
     engine: Engine,
@@ -389,8 +387,9 @@ fn watch_crash(
     Ok(Watched { lanes: 1, ..tell_call(unit, &recording, None) })
 }
 
-/// Splits the visits into calls of kernels, each with its parts.
-fn calls(unit: &Unit, visits: &[Visit]) -> Vec<Vec<Part>> {
+/// Divides the executed instructions into calls of kernels, and each call into straight code and
+/// loops.
+fn calls(unit: &Unit, visits: &[Visit]) -> Vec<Vec<Stretch>> {
     let is_entry = |visit: &Visit| {
         unit.function(visit.rip as usize).is_some_and(|function| function.address == visit.rip as usize)
     };
@@ -399,10 +398,10 @@ fn calls(unit: &Unit, visits: &[Visit]) -> Vec<Vec<Part>> {
     starts.windows(2).map(|call| parts_of_call(visits, call[0]..call[1])).collect()
 }
 
-/// A recorded row of the picture.
+/// A row of the picture whose instructions were followed.
 struct Run<'a> {
     visits: &'a [Visit],
-    /// The addresses of the row's pixels, and those of the watched pixel.
+    /// The addresses of the row's pixels; `pixel` are those of the watched pixel.
     film: Range<u64>,
     pixel: Range<u64>,
 }
@@ -411,9 +410,10 @@ struct Run<'a> {
 enum Item {
     /// An instruction, by its index among the recorded ones.
     Step(usize),
-    /// An instruction, likewise, that the row executes once, not for each pixel.
+    /// An instruction that the row executes once, not for each pixel, by its index among the
+    /// recorded ones.
     Once(usize),
-    /// Rounds of a loop, or a call of a kernel, that make other pixels.
+    /// Rounds of a loop, or a call of a kernel, that contribute only to other pixels.
     Others { rounds: usize, instructions: usize },
 }
 
@@ -424,25 +424,27 @@ impl Run<'_> {
             .any(|visit| visit.address < bytes.end && bytes.start < visit.address + u64::from(visit.bytes))
     }
 
-    /// Whether a round of a loop is left out because it writes other pixels of the film.
-    fn is_of_others(&self, round: &[Part]) -> bool {
+    /// Whether a round of a loop is left out because it writes to the film, but not to the watched
+    /// pixel.
+    fn is_of_others(&self, round: &[Stretch]) -> bool {
         let range = range_of(round);
         self.touches(&range, &self.film) && !self.touches(&range, &self.pixel)
     }
 
-    /// The numbers of the instructions to record: all but those of rounds that make other pixels.
-    fn wanted(&self, calls: &[Vec<Part>]) -> Vec<Range<u64>> {
-        fn add(run: &Run<'_>, parts: &[Part], wanted: &mut Vec<Range<u64>>) {
+    /// The numbers of the instructions to record: all, except those of rounds that make other
+    /// pixels.
+    fn wanted(&self, calls: &[Vec<Stretch>]) -> Vec<Range<u64>> {
+        fn add(run: &Run<'_>, parts: &[Stretch], wanted: &mut Vec<Range<u64>>) {
             for part in parts {
                 match part {
-                    Part::Row(range) => {
+                    Stretch::Straight(range) => {
                         let range = range.start as u64..range.end as u64;
                         match wanted.last_mut() {
                             Some(last) if last.end == range.start => last.end = range.end,
                             _ => wanted.push(range),
                         }
                     }
-                    Part::Loop(rounds) => {
+                    Stretch::Loop(rounds) => {
                         for round in rounds.iter().filter(|round| !run.is_of_others(round)) {
                             add(run, round, wanted);
                         }
@@ -457,9 +459,14 @@ impl Run<'_> {
         wanted
     }
 
-    /// What is shown of each call: for a kernel that contributes to the pixel, the rounds that do.
-    /// Calls that do not are counted with the call before them.
-    fn items(&self, calls: &[Vec<Part>], by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> Vec<Vec<Item>> {
+    /// What is shown of each call. Of a kernel that contributes to the pixel these are the rounds
+    /// that do. A call that does not is counted with the call before it.
+    fn items(
+        &self,
+        calls: &[Vec<Stretch>],
+        by_number: &HashMap<u64, usize>,
+        slice: &[slice::Contribution],
+    ) -> Vec<Vec<Item>> {
         let mut told: Vec<Vec<Item>> = Vec::new();
         for call in calls {
             let range = range_of(call);
@@ -472,8 +479,8 @@ impl Run<'_> {
             }
             let mut items = Vec::new();
             self.add(call, by_number, slice, false, &mut items);
-            // If a kernel makes pixels in the rounds of a loop, its other instructions belong to
-            // the row.
+            // A kernel without a loop over pixels makes the pixel by all of its instructions. In
+            // any other kernel the instructions outside of that loop belong to the row.
             if !items.iter().any(|item| matches!(item, Item::Step(_))) {
                 for item in &mut items {
                     if let Item::Once(at) = *item {
@@ -486,28 +493,28 @@ impl Run<'_> {
         told
     }
 
-    fn has_to_do(&self, range: &Range<usize>, by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> bool {
+    fn has_to_do(&self, range: &Range<usize>, by_number: &HashMap<u64, usize>, slice: &[slice::Contribution]) -> bool {
         let of = |number: usize| by_number.get(&(number as u64)).is_some_and(|&at| slice[at].any());
         range.clone().any(of)
     }
 
-    /// Adds items for `parts`. With `within`, the parts belong to a round that makes only this
-    /// pixel, so that their instructions are its own and not the row's.
+    /// Adds items for `parts`. If `within`, the parts belong to a round that makes only this pixel,
+    /// so that their instructions belong to the pixel and not to the row.
     fn add(
         &self,
-        parts: &[Part],
+        parts: &[Stretch],
         by_number: &HashMap<u64, usize>,
-        slice: &[slice::Part],
+        slice: &[slice::Contribution],
         within: bool,
         items: &mut Vec<Item>,
     ) {
         for part in parts {
             match part {
-                Part::Row(range) => {
+                Stretch::Straight(range) => {
                     let recorded = range.clone().filter_map(|number| by_number.get(&(number as u64)));
                     items.extend(recorded.map(|&at| if within { Item::Step(at) } else { Item::Once(at) }));
                 }
-                Part::Loop(rounds) => {
+                Stretch::Loop(rounds) => {
                     for round in rounds {
                         let range = range_of(round);
                         let makes_it = self.touches(&range, &self.film) && self.touches(&range, &self.pixel);
@@ -534,7 +541,7 @@ fn others(items: &mut Vec<Item>, more: usize) {
     }
 }
 
-/// The recorded instructions, each with the results of the model and of the exact values.
+/// The recorded instructions, each with the model's results and the exact values.
 struct Candidate<'a> {
     steps: Vec<ShadowedStep<'a>>,
 }
@@ -545,9 +552,14 @@ impl<'a> Candidate<'a> {
         Candidate { steps: steps.map(|step| ShadowedStep { step, error: shadow.step(&step) }).collect() }
     }
 
-    /// The description of some of these instructions, in which the caller fills in what was
-    /// watched.
-    fn tell(&self, unit: &'static Unit, calls: &[Vec<Item>], slice: &[slice::Part], lane: Option<usize>) -> Watched {
+    /// Describes the recorded instructions of `calls`. The caller fills in what was watched.
+    fn tell(
+        &self,
+        unit: &'static Unit,
+        calls: &[Vec<Item>],
+        slice: &[slice::Contribution],
+        lane: Option<usize>,
+    ) -> Watched {
         let mut describer = Describer::new(unit, lane);
         let mut lines = Vec::new();
         let mut line_of = HashMap::new();
@@ -577,8 +589,8 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// The lane in which most of the pixel's arithmetic takes place.
-fn lane_of(steps: &[ShadowedStep<'_>], slice: &[slice::Part]) -> Option<usize> {
+/// The lane in which most of the pixel's arithmetic is done.
+fn lane_of(steps: &[ShadowedStep<'_>], slice: &[slice::Contribution]) -> Option<usize> {
     let mut counts: HashMap<u64, usize> = HashMap::new();
     for (ShadowedStep { error, .. }, part) in steps.iter().zip(slice) {
         for made in &part.made {

@@ -1,4 +1,4 @@
-//! Shared by all figures: an SVG on white, the colours of engines, axes, and the legend.
+//! What all figures share: an SVG on white, the colours of engines, axes, and the legend.
 
 use std::ops::Range;
 
@@ -67,7 +67,7 @@ pub enum Screen {
 }
 
 impl Screen {
-    /// The size in pixels, on this screen, of a figure whose size on a page is given.
+    /// The size in pixels that a figure has on this screen if it has the given size on a page.
     pub(super) fn size(self, (width, height): (i32, i32)) -> (i32, i32) {
         if self == Screen::Narrow { (360, height.min(420)) } else { (width, height) }
     }
@@ -89,7 +89,7 @@ pub(super) fn draw(
 }
 
 /// Shortens an SVG without changing what it shows: drops attributes with default values, states the
-/// font once, and rounds heights of letters to a tenth of a pixel.
+/// font once, and rounds letter heights to a tenth of a pixel.
 fn short(svg: &str) -> String {
     let font = format!(" font-family=\"{FONT}\"");
     let mut short = String::with_capacity(svg.len());
@@ -146,7 +146,7 @@ pub(super) fn mark(
 /// An entry of the legend.
 pub(super) type Entry = (Mark, RGBColor, String);
 
-/// Writes the title, and below it the legend in as many lines as it needs; returns the area that is
+/// Writes the title, and below it the legend in as many lines as it needs. Returns the area that is
 /// left for the data.
 pub(super) fn head<'a>(area: &Area<'a>, title: &str, entries: &[Entry]) -> Result<Area<'a>, PlotError> {
     let (width, line) = (area.dim_in_pixel().0 as i32, SMALL + 8);
@@ -176,7 +176,7 @@ pub(super) fn head<'a>(area: &Area<'a>, title: &str, entries: &[Entry]) -> Resul
     Ok(area.split_vertically(y + SMALL).1)
 }
 
-/// Breaks a text into lines of at most `width` pixels; a longer word gets a line of its own.
+/// Breaks a text into lines of at most `width` pixels. A word that is wider gets a line of its own.
 pub(super) fn lines(text: &str, size: i32, width: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -191,30 +191,31 @@ pub(super) fn lines(text: &str, size: i32, width: i32) -> Vec<String> {
     lines
 }
 
-/// Draws a vertical line of this opacity at a value of an axis, and writes the value below it.
+/// Draws a vertical line of the given opacity at a value of an axis, and writes the value below it.
 pub(super) fn down(area: &Area<'_>, x: i32, bottom: i32, value: f64, strength: f64) -> Result<(), PlotError> {
     area.draw(&PathElement::new([(x, 0), (x, bottom + 4)], BLACK.mix(strength).stroke_width(1)))?;
     let value = tick(&value);
     write(area, &value, (x - text_width(&value, SMALL) / 2, bottom + 8), SMALL)
 }
 
-/// Places the names of marks beside them, so that they cover neither each other nor a mark.
+/// Places names beside marks so that they cover neither each other nor a mark.
 struct Names {
     within: [i32; 4],
     taken: Vec<[i32; 4]>,
 }
 
 impl Names {
-    /// The height of their letters.
+    /// The height of the names' letters.
     const SIZE: i32 = SMALL - 2;
 
-    /// Names among these marks, to be placed within these ranges of pixels.
+    /// For names beside these marks, within these ranges of pixels.
     fn among(marks: impl Iterator<Item = (i32, i32)>, (x, y): (Range<i32>, Range<i32>)) -> Self {
         let taken = marks.map(|(x, y)| [x - 5, y - 5, x + 5, y + 5]).collect();
         Names { within: [x.start, y.start, x.end, y.end], taken }
     }
 
-    /// The offset of a name from its mark, to the right and down; None if there is no room for it.
+    /// The offset of a name from its mark, to the right and downwards. None if there is no room for
+    /// it.
     fn place(&mut self, name: &str, (x, y): (i32, i32)) -> Option<(i32, i32)> {
         let (wide, high) = (text_width(name, Self::SIZE), Self::SIZE);
         let [left, top, right, bottom] = self.within;
@@ -263,8 +264,9 @@ where
     Ok(())
 }
 
-/// Checks that a logarithmic axis can show `range`; `of` names its quantity. Drawing an empty or
-/// infinite range, as of figures that were not measured, would never end.
+/// Checks that a logarithmic axis can show `range`; `of` names the axis's quantity. The drawing
+/// library would never finish with an empty or infinite range, as of figures that were not
+/// measured.
 fn on_axis(range: Range<f64>, of: &str) -> Result<Range<f64>, PlotError> {
     if range.start > 0.0 && range.start < range.end && range.end / range.start < 1e30 {
         Ok(range)
@@ -273,7 +275,7 @@ fn on_axis(range: Range<f64>, of: &str) -> Result<Range<f64>, PlotError> {
     }
 }
 
-/// Points of one kind, joined by a line if its width is not 0, each with a mark.
+/// Points with the same mark, joined by a line unless its width is 0.
 pub(super) struct Series {
     pub points: Vec<(f64, f64)>,
     pub colour: RGBAColor,
@@ -287,7 +289,7 @@ impl Series {
     }
 }
 
-/// A chart of several series on two logarithmic axes, each with its range and its quantity.
+/// A chart of several series on two logarithmic axes, each of which has a range and a quantity.
 pub(super) struct LogChart<'a> {
     pub x: (Range<f64>, &'a str),
     pub y: (Range<f64>, &'a str),
@@ -298,7 +300,8 @@ pub(super) struct LogChart<'a> {
 }
 
 impl LogChart<'_> {
-    /// Draws the chart. The margins, in pixels, are those around it, below it, and at its left.
+    /// Draws the chart. The margins, in pixels, are those around the chart, below it, and at its
+    /// left.
     pub(super) fn draw(self, area: &Area<'_>, [margin, below, left]: [i32; 3]) -> Result<(), PlotError> {
         let LogChart { x, y, series, names } = self;
         let mut chart = ChartBuilder::on(area)
@@ -331,8 +334,8 @@ impl LogChart<'_> {
     }
 }
 
-/// Pixels along a straight line, so close together that a name between two of them would touch the
-/// line.
+/// Pixels along a straight line, so close together that a name cannot fit between two of them
+/// without touching the line.
 fn along(from: (i32, i32), to: (i32, i32)) -> impl Iterator<Item = (i32, i32)> {
     const APART: i32 = 8;
     let (right, down) = (to.0 - from.0, to.1 - from.1);
@@ -379,13 +382,13 @@ fn superscript(exponent: i32) -> String {
     exponent.to_string().chars().map(digit).collect()
 }
 
-/// The range of some positive values, widened by these factors.
+/// The range of some positive values, widened by factors below and above.
 pub(super) fn around(values: impl Iterator<Item = f64>, (below, above): (f64, f64)) -> Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
     if low <= high { below * low..above * high } else { 1.0..10.0 }
 }
 
-/// Writes a text at a place, in letters of this height.
+/// Writes a text at a position, in letters of this height.
 pub(super) fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32) -> Result<(), PlotError> {
     Ok(area.draw(&Text::new(text.to_owned(), at, (FONT, size)))?)
 }

@@ -1,9 +1,9 @@
-//! How the cost of the paper's two programs grows with pixels, objects and lights.
+//! How the cost of the paper's C and SIMD grows with pixels, objects and lights.
 
 use serde::{Deserialize, Serialize};
 
 use super::in_size;
-use super::lab::{Bench, Case, LabError, Progress, SEED, Taken, Timed, judged, kept};
+use super::lab::{Bench, Case, LabError, PreemptedCount, Progress, SEED, Timed, judged, kept};
 use super::speedup::{self, BASELINE, CONTROL, Timing};
 use crate::measure::statistics::{Estimate, Line, fit_line, mean, median_with_interval, minimum};
 use crate::measure::{Clock, Name, Runs};
@@ -34,34 +34,35 @@ impl Axis {
     }
 }
 
-/// The cost of an engine along an axis, and the straight line through it. The field names are those
-/// of the JSON document.
+/// The cost of an engine along an axis, and the straight line fitted to it. The field names are
+/// those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Sweep {
     pub axis: Axis,
     pub engine: Name,
-    /// Each count, with the TSC cycles of the fastest picture.
+    /// For each count the TSC cycles of the fastest picture.
     pub points: Vec<(f64, f64)>,
-    /// The straight line through the points; its slope is in cycles per pixel, object or light.
+    /// The straight line fitted to the points. Its slope is in cycles per pixel, object or light.
     pub line: Line,
-    /// The root mean square, over the counts, of the median distance of the cost from the straight
-    /// line of its round, relative to the mean cost.
+    /// How far the cost is from a straight line. At each count the distance from the line of the
+    /// same round has a median; this is the root mean square of these medians, relative to the mean
+    /// cost.
     #[serde(default)]
     pub residual: Estimate,
-    /// How many points were disturbed: other programs had the core in more than half of their
+    /// The number of points that were disturbed: more than half of their pictures were preempted.
     /// pictures.
     pub taken: usize,
 }
 
-/// The numbers of objects, of which half are spheres and half triangles.
+/// The numbers of objects; half of them are spheres and half triangles.
 const OBJECTS: [usize; 6] = [2, 8, 16, 24, 32, 40];
 /// The numbers of lights over the experiment's sphere.
 const LIGHTS: [usize; 6] = [1, 8, 16, 24, 32, 40];
-/// The pictures of these sweeps: small, so that a run is short.
+/// The size of the pictures: small, so that a run is short.
 pub const SIZE: (u32, u32) = (128, 96);
 const SCENE_SEED: u64 = 5;
-/// The work of one round of both engines, per pixel and object, and per pixel and light, in the
-/// unit of [`Progress`].
+/// The work of one round of both engines, per pixel and object and per pixel and light, in the unit
+/// of [`Progress`].
 const OBJECT_WORK: u64 = 300;
 const LIGHT_WORK: u64 = 60;
 
@@ -78,8 +79,8 @@ fn work_of_round(counts: &[usize], work: u64) -> u64 {
     u64::from(SIZE.0) * u64::from(SIZE.1) * counts.iter().sum::<usize>() as u64 * work
 }
 
-/// The experiment's scene with its light divided into `count` lights at the same place, together as
-/// bright as the one.
+/// The experiment's scene with its light divided into `count` lights at the same position, which
+/// together are as bright.
 fn lit(count: usize) -> Scene {
     let mut scene = speedup::scene();
     let light = scene.lights[0];
@@ -91,7 +92,7 @@ fn with_objects(count: usize) -> Scene {
     many(count / 2, count - count / 2, SCENE_SEED)
 }
 
-/// A scene of so many objects or lights.
+/// A scene with a number of objects or lights.
 struct CountedScene {
     count: usize,
     scene: Scene,
@@ -100,7 +101,7 @@ struct CountedScene {
 /// Measures the cost in objects and in lights. None if `proceed` returns false.
 ///
 /// # Errors
-/// An engine that cannot be prepared, or no memory.
+/// If an engine cannot be prepared, or if there is not enough memory.
 pub fn measure(quick: bool, clock: &mut dyn Clock, proceed: &mut Progress<'_>) -> Result<Option<Vec<Sweep>>, LabError> {
     let objects = OBJECTS.iter().map(|count| CountedScene { count: *count, scene: with_objects(*count) }).collect();
     let lights = LIGHTS.iter().map(|count| CountedScene { count: *count, scene: lit(*count) }).collect();
@@ -115,9 +116,9 @@ pub fn measure(quick: bool, clock: &mut dyn Clock, proceed: &mut Progress<'_>) -
     Ok(Some(sweeps))
 }
 
-/// Measures both engines along one axis, in the scenes of every count. Each round takes all scenes
-/// in turn, so that whatever slows the core for longer than a round makes the round's line steeper
-/// without bending it.
+/// Measures both engines along one axis, in the scenes of every count. Each round traces all scenes
+/// in turn, so that a slowdown of the core that lasts longer than a round makes the round's line
+/// steeper without bending it.
 fn along(
     axis: Axis,
     scenes: Vec<CountedScene>,
@@ -145,7 +146,7 @@ fn along(
 fn of_runs(axis: Axis, engine: Name, counts: &[f64], runs: &[Runs]) -> Sweep {
     let points: Vec<_> = counts.iter().zip(runs).map(|(count, runs)| (*count, minimum(&runs.ticks))).collect();
     let rounds = 0..runs[0].ticks.len();
-    // If other programs had the core at one count, the line of the whole round is disturbed.
+    // If one picture of a round was preempted, the line of the whole round is disturbed.
     let disturbed: Vec<bool> = rounds.map(|round| runs.iter().any(|runs| runs.taken[round])).collect();
     let judged = judged(&disturbed);
     let ticks: Vec<_> = runs.iter().map(|runs| kept(&runs.ticks, &judged)).collect();
@@ -155,12 +156,12 @@ fn of_runs(axis: Axis, engine: Name, counts: &[f64], runs: &[Runs]) -> Sweep {
         line: fit_line(&points),
         points,
         residual: residual(counts, &ticks),
-        taken: runs.iter().filter(|runs| !Taken::among(&runs.taken).leaves_enough()).count(),
+        taken: runs.iter().filter(|runs| !PreemptedCount::among(&runs.taken).leaves_enough()).count(),
     }
 }
 
-/// The cost in pixels, from the sizes of the paper's table; empty with fewer than three sizes,
-/// since a line fits any two points.
+/// The cost in pixels, from the sizes of the paper's table. Empty with fewer than three sizes,
+/// since any two points are on a line.
 pub fn in_pixels(rows: &[Timing]) -> Vec<Sweep> {
     let sweep = |engine: &'static str| {
         let rows: Vec<_> = rows.iter().filter(|row| row.is(engine)).collect();
@@ -179,10 +180,10 @@ pub fn in_pixels(rows: &[Timing]) -> Vec<Sweep> {
     [BASELINE, CONTROL].into_iter().filter_map(sweep).collect()
 }
 
-/// How far a cost is from a straight line; `ticks` has every round at each of `counts`. At each
-/// count the distances of the rounds from their own lines, relative to each round's mean, have a
-/// median with an interval. The residual is the root mean square of these medians; its low end
-/// takes each median as near to 0 as its interval allows, its high end as far.
+/// How far a cost is from a straight line; `ticks` has every round at each of `counts`. A line is
+/// fitted to each round. At each count the distances from these lines, relative to the round's
+/// mean, have a median with an interval. The residual is the root mean square of these medians; its
+/// low end takes each median as near to 0 as its interval allows, and its high end as far from 0.
 fn residual(counts: &[f64], ticks: &[Vec<f64>]) -> Estimate {
     let rounds = ticks.iter().map(Vec::len).min().unwrap_or(0);
     let of_rounds: Vec<_> = (0..rounds).map(|round| distances(counts, ticks, round)).collect();
@@ -201,7 +202,7 @@ fn residual(counts: &[f64], ticks: &[Vec<f64>]) -> Estimate {
     Estimate { value: root(value), low: root(low), high: root(high) }
 }
 
-/// The distances of a round's ticks from the straight line through them, relative to their mean.
+/// The distances of a round's ticks from the straight line fitted to them, relative to their mean.
 fn distances(counts: &[f64], ticks: &[Vec<f64>], round: usize) -> Vec<f64> {
     let points: Vec<_> = counts.iter().zip(ticks).map(|(count, ticks)| (*count, ticks[round])).collect();
     let line = fit_line(&points);

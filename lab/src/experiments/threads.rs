@@ -87,7 +87,8 @@ pub fn run(
                 Ok(())
             })?
         };
-        // This first time, failures are returned; the timed calls after it may then expect success.
+        // Failures are returned from this first call; the timed calls that follow may expect
+        // success.
         let mut film = Film::new(output, camera.pixels() as usize)?;
         counts.iter().try_for_each(|threads| picture(*threads, film.as_mut()))?;
         let case = |threads: &usize| {

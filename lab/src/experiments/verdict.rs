@@ -9,21 +9,21 @@ use crate::measure::statistics::Estimate;
 /// The verdict on a claim, in the words of the JSON document.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub enum Verdict {
-    /// All of the interval agrees with the claim.
+    /// The whole interval agrees with the claim.
     #[serde(rename = "reproduced")]
     Reproduced,
-    /// All of the interval contradicts the claim.
+    /// The whole interval contradicts the claim.
     #[serde(rename = "not reproduced")]
     NotReproduced,
     /// The interval contains both values that agree with the claim and values that contradict it,
-    /// or too few undisturbed runs were left for an interval.
+    /// or too few undisturbed runs remained for an interval.
     #[serde(rename = "too few runs to tell")]
     TooFewRuns,
     /// The run was stopped before the figure was measured.
     #[serde(rename = "not measured")]
     NotMeasured,
-    /// No number of runs would decide: this machine or build lacks something, or two measurements
-    /// of the same ratio disagree.
+    /// More runs would not decide: this machine or build lacks something, or two measurements of
+    /// the same ratio disagree.
     #[serde(rename = "not testable here")]
     NotTestable,
 }
@@ -53,7 +53,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict on a claim that holds if both of two claims hold.
+    /// The verdict on the claim that both of two claims hold.
     pub fn and(self, other: Self) -> Self {
         match (self, other) {
             (Verdict::NotReproduced, _) | (_, Verdict::NotReproduced) => Verdict::NotReproduced,
@@ -62,7 +62,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict on a claim that holds if at least one of two claims holds.
+    /// The verdict on the claim that at least one of two claims holds.
     pub fn or(self, other: Self) -> Self {
         match (self, other) {
             (Verdict::Reproduced, _) | (_, Verdict::Reproduced) => Verdict::Reproduced,

@@ -10,25 +10,25 @@ const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
 pub(super) const VARIANTS: &[&str] = &["1 object", "31 objects", "32 objects", "200 objects", "5000 objects"];
 pub(super) const COLOURS: [Vec3; 4] = [RED, GREEN, BLUE, GREY];
 
-/// A scene without objects, and the number of objects it is to have.
+/// A scene to which objects are to be added, and how many.
 pub(super) struct EmptyScene {
     pub scene: Scene,
     pub count: usize,
 }
 
-/// A scene without objects that sees `half` to each side at distance 1.
+/// A scene to be filled, whose picture extends `half` to each side at distance 1.
 pub(super) fn empty(maker: &mut Maker, half: f64, lights: usize, scale: f64) -> EmptyScene {
     let count = COUNTS[maker.variant];
-    // Scenes of many objects have smaller pictures, the others larger ones, for as many rays as
-    // elsewhere.
+    // Scenes of many objects have smaller pictures and the others larger ones, so that a level has
+    // as many rays as in other families.
     maker.side = if count > 1000 { maker.side.div_ceil(2) } else { maker.side + maker.side / 8 };
     let camera = maker.square(half);
     EmptyScene { scene: maker.scene(camera, lights, scale), count }
 }
 
-/// Alternately spheres and triangles up to `count` objects, anywhere in a picture that sees `half`
-/// to each side, at many depths; the i-th is `scale(i)` times as far and as large, and has its
-/// colour times `shade(i)`.
+/// Adds spheres and triangles in turn until there are `count` objects, at random positions and many
+/// depths in a picture that extends `half` to each side at distance 1. Object i is `scale(i)` times
+/// as far away and as large, and its colour is multiplied by `shade(i)`.
 pub(super) fn fill(
     maker: &mut Maker,
     scene: &mut Scene,
@@ -54,7 +54,7 @@ pub(super) fn fill(
     }
 }
 
-const AS_IT_IS: fn(usize) -> f64 = |_| 1.0;
+const UNSCALED: fn(usize) -> f64 = |_| 1.0;
 pub(super) const UNSHADED: fn(usize) -> f32 = |_| 1.0;
 
 pub const BESIDE: Family = Family {
@@ -76,14 +76,14 @@ fn beside(maker: &mut Maker) -> Made {
     let centre = radius * dvec3(far * x, far * y, maker.value);
     scene.spheres.push(sphere(radius, RED, centre));
     if count > 1 {
-        // Another, 1e-4 behind it, first in the file.
+        // A sphere that is farther by a factor of 1 + 1e-4, and first in the file.
         scene.spheres.insert(0, sphere(radius, GREEN, centre * (1.0 + 1e-4)));
     }
-    fill(maker, &mut scene, 1.0, count, AS_IT_IS, UNSHADED);
+    fill(maker, &mut scene, 1.0, count, UNSCALED, UNSHADED);
     scene.into()
 }
 
-/// The position of the sun, in metres.
+/// The distance of the sun, in metres.
 const SUN: f64 = 1.4e11;
 
 pub const SCALES: Family = Family {
@@ -115,9 +115,10 @@ fn scales(maker: &mut Maker) -> Made {
         let centre = SUN * dvec3(0.3 * x, 0.3 * y, 1.0).normalize();
         scene.lights.push(light(0.5, centre));
         scene.spheres.push(sphere(7e8, GREY, centre));
-        fill(maker, &mut scene, 0.5, count, AS_IT_IS, UNSHADED);
+        fill(maker, &mut scene, 0.5, count, UNSCALED, UNSHADED);
     } else {
-        // A smaller object is nearer, and appears as large.
+        // An object that is smaller by a factor is nearer by the same factor, so that it appears as
+        // large.
         let scale = |i: usize| [ratio, 1.0, 1.0 / ratio, 1.0][i / 2 % 4];
         fill(maker, &mut scene, 0.5, count, scale, UNSHADED);
     }
@@ -151,13 +152,13 @@ fn duplicates(maker: &mut Maker) -> Made {
         };
         scene.spheres.push(sphere(radius, COLOURS[special % 4], radius * centre));
     }
-    fill(maker, &mut scene, 0.6, half, AS_IT_IS, UNSHADED);
+    fill(maker, &mut scene, 0.6, half, UNSCALED, UNSHADED);
     let other = |colour: Vec3| Vec3::ONE - 0.8 * colour;
     let spheres = scene.spheres.iter().map(|s| Sphere { colour: other(s.colour), ..*s }).collect::<Vec<_>>();
     let triangles = scene.triangles.iter().map(|t| Triangle { colour: other(t.colour), ..*t }).collect::<Vec<_>>();
     scene.spheres.extend(spheres);
     scene.triangles.extend(triangles);
-    // One too many if `count` is odd.
+    // If `count` is odd, there is one object too many.
     if scene.spheres.len() + scene.triangles.len() > count {
         scene.spheres.pop();
     }
@@ -203,8 +204,8 @@ fn brightness(maker: &mut Maker) -> Made {
         8 => scene.lights.iter_mut().for_each(|light| light.intensity = 1.5e38),
         _ => scene.lights[0].intensity *= intensity,
     }
-    // Some reflect so little that their light is an ordinary one.
+    // Some objects reflect so little that they appear as bright as under ordinary light.
     let shade = |i: usize| if i % 3 == 1 { 1.0 / intensity } else { 1.0 };
-    fill(maker, &mut scene, 0.5, count, AS_IT_IS, shade);
+    fill(maker, &mut scene, 0.5, count, UNSCALED, shade);
     scene.into()
 }

@@ -1,5 +1,5 @@
-//! What the families build cases with: a case's value, variant and random numbers, and the parts of
-//! a scene.
+//! What the families build cases from: a case's value, variant and random numbers, and parts of
+//! scenes.
 
 use std::f64::consts::SQRT_2;
 
@@ -13,11 +13,11 @@ pub const GREEN: Vec3 = Vec3::new(0.125, 1.0, 0.25);
 pub const BLUE: Vec3 = Vec3::new(0.25, 0.125, 1.0);
 pub const GREY: Vec3 = Vec3::new(0.75, 0.75, 0.75);
 
-/// One case in the making.
+/// A case that is being made.
 pub struct Maker {
-    /// The level's value.
+    /// The value of the parameter at this level.
     pub value: f64,
-    /// The variant's number.
+    /// The index of the variant.
     pub variant: usize,
     pub side: u32,
     pub rng: Rng,
@@ -25,7 +25,7 @@ pub struct Maker {
 
 impl Maker {
     pub fn new(value: f64, variant: usize, seed: u64, index: usize, side: u32) -> Self {
-        // Each case has a sequence of its own.
+        // Each case has random numbers of its own.
         let mut rng = Rng::new(seed ^ ((index as u64) << 32));
         rng.next_u64();
         Maker { value, variant, side, rng }
@@ -41,12 +41,13 @@ impl Maker {
         (x.into(), y.into())
     }
 
-    /// A square picture that sees `half` to each side at distance 1, at the focal distance `focal`.
+    /// A square picture that extends `half` to each side at distance 1; the focal distance is
+    /// `focal`.
     pub fn square_at(&self, focal: f64, half: f64) -> Camera {
         camera(self.side, self.side, focal, 2.0 * SQRT_2 * half * focal)
     }
 
-    /// The same at the focal distance 1.
+    /// As [`square_at`](Self::square_at), with the focal distance 1.
     pub fn square(&self, half: f64) -> Camera {
         self.square_at(1.0, half)
     }
@@ -59,8 +60,8 @@ impl Maker {
         camera(width, height, 1.0, 2.0 * half * (1.0 + 1.0 / (relation * relation)).sqrt())
     }
 
-    /// A scene without objects under `count` lights, the first of which is behind the camera and to
-    /// the side; `scale` is the scene's own unit of length.
+    /// A scene without objects under `count` lights. The first light is behind the camera and to
+    /// the side. `scale` is a typical length of the scene.
     pub fn scene(&mut self, camera: Camera, count: usize, scale: f64) -> Scene {
         let (x, y) = self.turn();
         let side = self.between(0.3, 1.2);
@@ -92,8 +93,8 @@ pub fn tangent(kappa: f64, most: f64) -> f64 {
     if kappa <= 1.0 { most } else { (1.0 / (kappa * kappa - 1.0).sqrt()).min(most) }
 }
 
-/// The triangles of an icosahedron whose faces are divided `divisions` times into four, on the unit
-/// sphere.
+/// The triangles of an icosahedron whose faces have been divided into four `divisions` times, with
+/// all vertices on the unit sphere.
 pub fn icosphere(divisions: u32) -> Vec<[DVec3; 3]> {
     let g = (1.0 + 5f64.sqrt()) / 2.0;
     // The vertices are the cyclic permutations of (+-1, +-g, 0); three that are 2 apart are a face.
@@ -115,7 +116,7 @@ pub fn icosphere(divisions: u32) -> Vec<[DVec3; 3]> {
     }
     for _ in 0..divisions {
         let divide = |[a, b, c]: [DVec3; 3]| {
-            // The same bits from either end.
+            // A midpoint has the same bits whichever end comes first.
             let [d, e, f] = [a + b, b + c, c + a].map(DVec3::normalize);
             [[a, d, f], [d, b, e], [f, e, c], [d, e, f]]
         };

@@ -1,9 +1,9 @@
-//! The ill-conditioned (stiff) and extreme scenes: families of seeded cases over the whole range of
-//! a parameter.
+//! The ill-conditioned and extreme scenes: families of seeded cases, each over the whole range of a
+//! parameter.
 //!
-//! A case is a scene with its camera on the critical place: the limb of a sphere, the short side of
-//! a sliver, a vertex. The correct answer there is the same for all engines; experiments and tests
-//! measure how close one comes.
+//! A case is a scene whose camera looks at the critical place: the limb of a sphere, the short side
+//! of a sliver, a vertex. The correct picture is the same for all engines; experiments and tests
+//! measure how close an engine comes to it.
 
 mod crowds;
 mod maker;
@@ -16,11 +16,11 @@ mod views;
 use maker::Maker;
 use rayo::Scene;
 
-/// The side of a case's picture, in pixels, which makes at least 10⁵ rays if a family has no size
-/// of its own.
+/// The side of a case's picture, in pixels. It gives at least 10^5 rays in families that do not set
+/// their own size.
 pub const SIDE: u32 = 320;
 
-/// Scenes that are hard in one respect, increasingly so along [`Family::levels`].
+/// Scenes that are difficult in one respect, increasingly so along [`Family::levels`].
 #[derive(Debug)]
 pub struct Family {
     /// `S1` to `S9` (spheres), `T1` to `T7` (triangles), `X1` and `X2` (scales mixed, objects
@@ -35,9 +35,9 @@ pub struct Family {
     /// The values of the parameter over its whole range; the ordinary case is at
     /// [`Family::ordinary`].
     pub levels: &'static [Level],
-    /// Index in `levels` of the ordinary case.
+    /// The index of the ordinary case in `levels`.
     pub ordinary: usize,
-    /// Whether all levels show about as much, so that their times can be compared.
+    /// Whether the pictures of all levels show about as much, so that their times can be compared.
     pub same_work: bool,
     pub variants: &'static [&'static str],
     make: fn(&mut Maker) -> Made,
@@ -67,17 +67,17 @@ impl std::fmt::Display for Level {
 pub struct Case {
     /// The family's id.
     pub family: &'static str,
-    /// Its number in the family: `level * variants + variant`.
+    /// The case's number in the family: `level * variants + variant`.
     pub index: usize,
     /// The seed of its random numbers.
     pub seed: u64,
     /// The value of the parameter.
     pub level: Level,
-    /// The index of the variant.
+    /// The name of the variant.
     pub variant: &'static str,
     /// The scene; its camera looks at the critical place.
     pub scene: Scene,
-    /// Whether its numbers are valid. If not, asking for its picture is an error.
+    /// Whether all numbers of the scene are valid. If not, an engine must refuse to trace it.
     pub valid: bool,
     /// Whether every ray of the picture hits something.
     pub covered: bool,
@@ -157,7 +157,7 @@ pub static FAMILIES: &[Family] = &[
     others::NOT_NUMBERS,
 ];
 
-/// The family with that id, in upper or lower case.
+/// The family with this id, in upper or lower case.
 pub fn family(id: &str) -> Option<&'static Family> {
     FAMILIES.iter().find(|family| family.id.eq_ignore_ascii_case(id))
 }

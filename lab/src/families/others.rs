@@ -53,7 +53,7 @@ fn lights(maker: &mut Maker) -> Made {
     }
     let (x, y) = maker.turn();
     let first = scene.lights[0].position.as_dvec3();
-    // A unit vector towards the camera.
+    // A unit vector that points from the surface to the camera.
     let towards = dvec3(0.6 * x, 0.6 * y, -0.8);
     let surface = match maker.variant {
         1 => (3.0 * vertex + 2.0 * other + wall.vertices[2].as_dvec3()) / 6.0,
@@ -72,7 +72,7 @@ fn lights(maker: &mut Maker) -> Made {
         5 => (vertex + 3.0 * (other - vertex), 0.9),
         6 => (centre + 0.5 * towards, 0.9),
         7 => (DVec3::ZERO, 0.9),
-        // Not quite towards the camera: a part of the surface is dark.
+        // Not quite towards the camera, so that a part of the surface is dark.
         distance @ 8..14 => (10f64.powi([6, 12, 18, 24, 30, 38][distance - 8]) * towards, 0.9),
         dim => (first, [1e-30, 1e10, 1e38][dim - 14]),
     };

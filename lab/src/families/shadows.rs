@@ -1,4 +1,4 @@
-//! The families of shadows, H1 to H6, whose scenes have them.
+//! The families of scenes with shadows, H1 to H6.
 
 use glam::{DVec3, dvec3};
 
@@ -7,20 +7,20 @@ use super::maker::{GREEN, GREY, Maker, RED, icosphere, light, sphere, triangle};
 use super::{Family, Made, names, numbers};
 use rayo::internals::scene::Triangle;
 
-/// A parallelogram from a corner along two sides.
+/// Two triangles that make up the parallelogram with a corner and two sides.
 fn quad(corner: DVec3, [a, b]: [DVec3; 2]) -> [Triangle; 2] {
     [[corner, corner + a, corner + b], [corner + a + b, corner + a, corner + b]].map(|v| triangle(GREY, v))
 }
 
-/// The plane y = -1, before and behind the camera.
+/// A large part of the plane y = -1, in front of the camera and behind it.
 fn ground() -> [Triangle; 2] {
     quad(dvec3(-64.0, -1.0, -64.0), [128.0 * DVec3::X, 128.0 * DVec3::Z])
 }
 
-/// The numbers of objects of H1, which begins with the second, H2 and H3.
+/// The numbers of objects of H1, H2 and H3. H1 begins with the second one.
 const FEW_TO_MANY: [usize; 6] = [1, 4, 31, 32, 200, 5000];
 
-/// A scene without objects, under two lights if it is to have many.
+/// A scene to which objects are to be added; it has two lights if it is to have many objects.
 fn begin(maker: &mut Maker, half: f64, first: usize) -> EmptyScene {
     let count = FEW_TO_MANY[first + maker.variant];
     maker.side = if count > 1000 { maker.side.div_ceil(4) } else { maker.side };
@@ -41,8 +41,8 @@ pub const CONTACT: Family = Family {
 };
 
 fn contact(maker: &mut Maker) -> Made {
-    // Whole numbers below 2^24, and a direction upwards of the whole length 7: all distances are
-    // exact.
+    // Whole numbers below 2^24, and an upward direction whose length is exactly 7, so that all
+    // distances are exact.
     let (up, unit, radius) = (dvec3(2.0, 6.0, -3.0), 2f64.powi(-19), 458_752.0);
     let (centre, distance) = (radius * dvec3(1.0, 0.0, 5.0), 28.0 * radius);
     let gap = maker.value * radius;
@@ -56,25 +56,25 @@ fn contact(maker: &mut Maker) -> Made {
         let corner = centre + on - sides[0] - sides[1];
         scene.triangles.extend(quad(unit * corner, sides.map(|side| 2.0 * unit * side)));
     } else {
-        // A step of s across the way to the other centre makes that longer by s^2 / 2 of its
-        // length.
+        // A step of length s perpendicular to the line between the centres makes the distance
+        // longer by s^2 / 2 of itself.
         let across = (2.0 * distance * gap / 10.0).sqrt().round() * dvec3(3.0, -1.0, 0.0);
         scene.spheres.push(sphere(unit * 27.0 * radius, GREY, unit * (centre - up * (distance / 7.0) - across)));
     }
-    // The others are behind them.
+    // The other objects are behind these two.
     fill(maker, &mut scene, 0.6, count, |_| 0.3, UNSHADED);
     let (x, z) = maker.turn();
     scene.lights[0].position = (unit * (centre + radius * dvec3(2.0 * x, 3.0, 2.0 * z - 2.0))).as_vec3();
     scene.into()
 }
 
-/// The plane of the points x with `normal` . x = `far`, both of whole numbers.
+/// The plane of the points x with `normal` . x = `far`. Both consist of whole numbers.
 struct WholePlane {
     normal: DVec3,
     far: f64,
 }
 
-/// A plane so far away, as nearly as whole numbers can be it.
+/// A plane at this distance, as nearly as whole numbers allow.
 fn plane(distance: f64) -> WholePlane {
     let normals =
         (900..1100).step_by(2).flat_map(|y| (-600..-300).map(move |z| dvec3(1.0, f64::from(y), f64::from(z))));
@@ -145,8 +145,8 @@ pub const LIGHTS: Family = Family {
 
 fn lights(maker: &mut Maker) -> Made {
     let EmptyScene { mut scene, count } = begin(maker, 0.6, 0);
-    // The length of (2, 6, 3) is 7, and the corners' mean is exact: a light may be on things to the
-    // last bit.
+    // The vector (2, 6, 3) has length 7, and the mean of the corners is exact, so that a light can
+    // be placed exactly on an object.
     let (centre, to_side) = (dvec3(0.5, -0.125, 5.0), dvec3(-2.0, 6.0, -3.0) / 8.0);
     let corners = [dvec3(-2.0, -1.0, 4.0), dvec3(-1.0, -1.0, 5.0), dvec3(-1.0, 1.0, 4.5)];
     scene.spheres.push(sphere(0.875, RED, centre));

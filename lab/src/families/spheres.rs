@@ -6,8 +6,8 @@ use super::maker::{BLUE, GREEN, GREY, Maker, RED, sphere, tangent};
 use super::{Family, Level, Made, names, numbers};
 use rayo::internals::scene::Camera;
 
-/// Integers with a² + b² = c²: a sphere of radius c whose centre is at (a, b) from the axis touches
-/// the axis exactly.
+/// Integers with a^2 + b^2 = c^2. A sphere of radius c whose centre is at (a, b) from the axis
+/// touches the axis exactly.
 const PYTHAGOREAN: [(f64, f64, f64); 4] =
     [(3.0, 4.0, 5.0), (-8.0, 15.0, 17.0), (5.0, -12.0, 13.0), (-24.0, -7.0, 25.0)];
 
@@ -38,7 +38,8 @@ fn far(maker: &mut Maker) -> Made {
             (maker.square(off + 1.2 * seen), dvec3(off * x, off * y, 1.0))
         }
         _ => {
-            // Half a radian to the side, where rows of the picture meet the limb at an angle.
+            // Half a radian to the side of the axis, where the limb crosses the picture's rows at
+            // an angle.
             let height = if kappa > 1e3 { 2 } else { 5 };
             let side = maker.strip(height, 0.6);
             (side, dvec3(0.5 * x.signum(), 0.0, 1.0))
@@ -118,8 +119,8 @@ pub const FILM: Family = Family {
 
 fn film(maker: &mut Maker) -> Made {
     let focal = maker.value;
-    // Alone it sees a wider or narrower part, which must have something in it: the limb is on the
-    // axis.
+    // A changed focal length alone shows a wider or narrower part of the scene. The limb is on the
+    // axis, so that there is always something to see.
     let half = if maker.variant == 0 { 0.5 } else { 0.5 / focal };
     let camera = maker.square_at(focal, half);
     let lights = if maker.variant == 2 { 2 } else { 1 };
@@ -129,7 +130,7 @@ fn film(maker: &mut Maker) -> Made {
     scene.spheres.push(sphere(radius, RED, dvec3(a, b, near)));
     scene.spheres.push(sphere(4.0, BLUE, dvec3(-3.0, -4.0, 24.0)));
     if half > 1.0 {
-        // Most of so wide a picture is far from the axis.
+        // In so wide a picture most rays are far from the axis.
         scene.spheres.push(sphere(100.0, GREY, dvec3(10.0, 20.0, -30.0)));
     }
     scene.into()
@@ -160,7 +161,8 @@ pub const CAMERA: Family = Family {
 };
 
 fn inside(maker: &mut Maker) -> Made {
-    // (2, 3, 6) has length 7 exactly: the radius alone decides on which side the camera is.
+    // (2, 3, 6) has length exactly 7, so that the radius alone decides on which side of the surface
+    // the camera is.
     let direction = [dvec3(2.0, 3.0, 6.0), dvec3(3.0, -2.0, -6.0), dvec3(-6.0, 3.0, 2.0)][maker.variant];
     let scale = 2f64.powi((maker.rng.next_u64() % 7) as i32 - 3);
     let (radius, centre) = if maker.value == 0.0 {
@@ -172,7 +174,8 @@ fn inside(maker: &mut Maker) -> Made {
     };
     let camera = maker.square(0.8);
     let mut scene = maker.scene(camera, 1 + usize::from(maker.variant == 2), 60.0 * scale);
-    // Outside too, so that the far wall, whose normal points away, is lit.
+    // The light is outside as well, so that it lights the far wall, whose normal points away from
+    // the centre.
     scene.lights[0].position.z = 40.0 * scale as f32;
     scene.spheres.push(sphere(radius * scale, RED, scale * centre));
     scene.into()
@@ -192,7 +195,8 @@ pub const GROUND: Family = Family {
 
 fn ground(maker: &mut Maker) -> Made {
     let radius = maker.value as f32;
-    // Height 1, or the next f32 to the radius.
+    // The camera's height above the ground is 1, or one unit in the last place of the radius if
+    // that is more.
     let centre = (radius + 1.0).max(radius.next_up());
     let height = f64::from(centre - radius);
     let camera = maker.square(0.5);
@@ -231,8 +235,8 @@ fn nested(maker: &mut Maker) -> Made {
     let camera = maker.square(0.4);
     let mut scene = maker.scene(camera, if maker.variant == 4 { 2 } else { 1 }, 5.0);
     let centre = dvec3(maker.between(-0.25, 0.25), maker.between(-0.25, 0.25), 4.0).as_vec3().as_dvec3();
-    // The larger one is nearer, and comes last in half of the cases: order decides only between
-    // equals.
+    // The larger sphere is nearer. It comes last in half of the cases: the order in the file may
+    // only decide between equal distances.
     let (one, other) = (sphere(1.0, RED, centre), sphere(1.0 - 4.0 * gap, GREEN, centre));
     scene.spheres = match maker.variant {
         0 if maker.rng.next_u64().is_multiple_of(2) => vec![one, other],

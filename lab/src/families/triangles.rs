@@ -81,8 +81,8 @@ fn grazing(maker: &mut Maker) -> Made {
     let half = if slope == 0.0 { 1e-3 } else { slope };
     let camera = maker.square(half);
     let mut scene = maker.scene(camera, 1 + usize::from(maker.variant == 1), 4.0);
-    // The plane y = slope (z - 4), seen from far below where z < 4 and from slightly above beyond.
-    // At slope 0 it is y = 0, which contains the camera.
+    // The plane y = slope (z - 4). Where z < 4 it is seen from far below, and beyond from slightly
+    // above. With slope 0 it contains the camera.
     let (x, y) = if maker.variant == 2 { maker.turn() } else { (1.0, 0.0) };
     let on = |across: f64, z: f64| {
         let up = slope * (z - 4.0);
@@ -114,7 +114,7 @@ fn large(maker: &mut Maker) -> Made {
     let vertices = match maker.variant {
         0 => [wall(-length, -length), wall(2.0 * length, -length), wall(-length, 2.0 * length)],
         1 => [dvec3(-length, -1.0, 0.1), dvec3(length, -1.0, 0.1), dvec3(0.1, -1.0, length)],
-        // One edge passes next to the axis.
+        // One edge passes close to the axis.
         _ => [wall(-0.25, -length), wall(0.25, length), wall(length, 0.0)],
     };
     scene.triangles.push(triangle(BLUE, vertices));
@@ -172,7 +172,7 @@ fn shared(maker: &mut Maker) -> Made {
     let turned = |v: DVec3| dvec3(x * v.x - y * v.z, v.y, y * v.x + x * v.z);
     let kind = maker.value as usize;
     let lights = 1 + maker.variant;
-    // Those seen from inside, or that fill the picture.
+    // The kinds whose meshes are seen from inside or fill the picture.
     let covered = [2, 4, 5, 6].contains(&kind);
     let scene = match kind {
         0..4 => {
@@ -188,8 +188,8 @@ fn shared(maker: &mut Maker) -> Made {
         }
         4 | 5 => on_rays(maker, if kind == 4 { 32 } else { 8 }, lights),
         _ => {
-            // An odd side: the pixel in the middle is on the axis, like the vertex that all
-            // triangles share.
+            // With an odd side the middle pixel is on the axis, as is the vertex that all triangles
+            // share.
             let side = maker.side | 1;
             let camera = camera(side, side, 1.0, 1.0);
             let mut scene = maker.scene(camera, lights, 4.0);
@@ -208,13 +208,13 @@ fn shared(maker: &mut Maker) -> Made {
 
 /// A mesh over the whole picture whose vertices are exactly on rays, `cell` pixels apart.
 ///
-/// 384 x 512 pixels on a film of diagonal 5 are of side 1/128: f32 holds every ray and its products
-/// with small numbers.
+/// 384 x 512 pixels on a film with diagonal 5 have the side 1/128, so that f32 holds every ray, and
+/// its products with small numbers, exactly.
 fn on_rays(maker: &mut Maker, cell: u32, lights: usize) -> rayo::internals::scene::Scene {
     let (width, height) = if maker.side >= 320 { (384, 512) } else { (96, 128) };
     let step = 3.0 / f64::from(width);
     let mut scene = maker.scene(camera(width, height, 2.0, 5.0), lights, 4.0);
-    // From one cell before the first ray to one past the last.
+    // The mesh extends from one cell before the first ray to one cell past the last.
     let (columns, rows) = (width / cell + 3, height / cell + 3);
     let depths: Vec<f64> = (0..columns * rows).map(|_| 1.0 + (maker.rng.next_u64() % 17) as f64 / 32.0).collect();
     let vertex = |i: u32, j: u32| {
@@ -261,8 +261,8 @@ pub const DEGENERATE: Family = Family {
     make: degenerate,
 };
 
-/// `v` with each f32 moved away from 0 by that many units in its last place; for 0 itself, units of
-/// 1.
+/// `v` with component i moved away from 0 by `count[i]` units in the last place of f32; a component
+/// of 0 is moved by units of 1.
 fn ulps(v: DVec3, count: [i32; 3]) -> DVec3 {
     let further = |x: f32, count: i32| match count {
         0 => x,
@@ -290,7 +290,7 @@ fn degenerate(maker: &mut Maker) -> Made {
             .map(|i| [tenths, tenths + f64::from(i) * along / 7.0, tenths + f64::from(i) * along / 3.0])
             .collect(),
         5 => {
-            // Differences of numbers of different size are rounded even in f64.
+            // Differences of numbers of very different size are rounded even in f64.
             let tiny = dvec3(3e-12, 7e-12, 1e-11);
             vec![[tiny, p * 1e6, 2e6 * p], [p, p + 1e9 * along, p - 1e-3 * along], [1e-9 * p, p, 1e9 * p]]
         }
@@ -302,8 +302,8 @@ fn degenerate(maker: &mut Maker) -> Made {
             [dvec3(-3.0, -3.0, -1e6), dvec3(3e6, -3.0, -4.0), dvec3(0.0, 4.0, 0.0)],
         ],
         10 => vec![[dvec3(0.1, 0.2, 3.0), dvec3(-3.0, -1.0, -4.0), dvec3(3.0, -2.0, -2.0)]],
-        // The f32 next to those of kinds 3 and 6 to 8, which are degenerate in f32: these have an
-        // area and a side.
+        // Neighbours in f32 of kinds 3 and 6 to 8, which are degenerate; these have an area and a
+        // side.
         11 => vec![[p, p + along, ulps(p + 3.0 * along, [0, 1, 0])], [p - along, ulps(p, [-1, 0, 0]), p + 2.0 * along]],
         12 => vec![
             [ulps(DVec3::ZERO, [1, 0, 1]), p, p + along],

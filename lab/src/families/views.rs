@@ -1,5 +1,4 @@
-//! The families of cameras and lights that are near a surface together, and of wide films: L3 and
-//! V1.
+//! The families L3, of cameras and lights near the same surface, and V1, of wide films.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -9,8 +8,8 @@ use super::maker::{BLUE, GREEN, GREY, Maker, RED, light, sphere, triangle};
 use super::{Family, Level, Made, numbers};
 use rayo::internals::scene::Scene;
 
-/// How far the camera of L3 is from the sphere's centre, in radii, variant by variant, and how
-/// bright the light is.
+/// For each variant of L3 the distance of the camera from the sphere's centre, in radii, and the
+/// brightness of the light.
 const CAMERAS: [(f64, f32); 7] =
     [(1.001, 10.0), (1.01, 10.0), (1.5, 3.0), (4.0, 10.0), (1000.0, 0.9), (0.9, 10.0), (1.0 - 1e-6, 3.0)];
 
@@ -52,26 +51,27 @@ fn near_light(maker: &mut Maker) -> Made {
     let half = if kappa > 2.0 { 1.2 / kappa } else { 0.5 };
     let camera = maker.square(half);
     let radius = maker.between(0.5, 2.0);
-    // Ahead, and a little beside where all of it is far enough in front.
+    // The sphere is ahead of the camera, and slightly to the side if that leaves all of it far
+    // enough in front.
     let off = if kappa > 1.0 { 0.1 * (kappa - 1.0).min(1.0) / kappa } else { 0.1 };
     let (x, y) = maker.turn();
     let ball = sphere(radius, GREY, kappa * radius * dvec3(off * x, off * y, 1.0));
     let (centre, radius) = (ball.centre.as_dvec3(), f64::from(ball.radius));
-    // The light is over a point that the camera sees.
+    // The light is above a point that the camera sees.
     let (x, y) = maker.turn();
     let ray = centre / centre.z + 0.3 * half * dvec3(x, y, 0.0);
     let point = first_point(ray, centre, radius);
     let normal = (point - centre) / radius;
     let mut scene = Scene { lights: Vec::new(), ..maker.scene(camera, 1, 1.0) };
     scene.lights.push(light(intensity, point + maker.value * radius * normal));
-    // Of most levels all that is near the light is white; another one, dim and anywhere, shows the
-    // rest.
+    // At most levels everything near the light is white. Another light, which is dim and far from
+    // the surface, shows the rest.
     scene.lights.push(light(0.2, 3.0 * radius * dvec3(y, -x, -0.5)));
     scene.spheres.push(ball);
     scene.into()
 }
 
-/// The first point of a sphere on a ray that meets it.
+/// The first point of a sphere on a ray, which must meet it.
 fn first_point(ray: DVec3, centre: DVec3, radius: f64) -> DVec3 {
     let (a, h) = (ray.dot(ray), ray.dot(centre));
     let k = (centre.length() - radius) * (centre.length() + radius);
@@ -103,7 +103,8 @@ fn wide(maker: &mut Maker) -> Made {
     if maker.variant < 2 {
         for colour in [RED, GREEN, BLUE] {
             let depth = maker.between(1.1, 6.0);
-            // Near the diagonals, where neither columns nor rows are an axis of the outline.
+            // The sphere is near a diagonal of the picture, where neither columns nor rows are
+            // parallel to an axis of its outline.
             let (mut x, mut y) = maker.turn();
             (x, y) = (x + x.signum() * FRAC_1_SQRT_2, y + y.signum() * FRAC_1_SQRT_2);
             let centre = depth * (0.5 * half * maker.between(0.2, 1.0) * dvec3(x, y, 0.0) + DVec3::Z);

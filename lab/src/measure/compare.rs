@@ -4,7 +4,7 @@ use rayo::{Picture, Pixels};
 use serde::Serialize;
 use thiserror::Error;
 
-/// The brightness, of 255, with which [`difference_image`] shows the least difference.
+/// The brightness, out of 255, with which [`difference_image`] shows the smallest difference.
 pub const LEAST_SHADE: f64 = 64.0;
 
 /// Why two pictures cannot be compared.
@@ -30,7 +30,7 @@ pub enum CompareError {
 pub enum Unit {
     /// Steps of an 8-bit channel, from 0 to 255.
     Levels,
-    /// Linear values of a float channel; 1/255 of it corresponds to one level.
+    /// Linear values of a float channel, in which 1/255 corresponds to one level.
     Linear,
 }
 
@@ -58,12 +58,12 @@ impl Unit {
     }
 }
 
-/// The result of [`compare`]. The difference of two pixels is that of the channel where it is
-/// largest.
+/// The result of [`compare`]. Two pixels differ by as much as the channel in which they differ
+/// most.
 ///
-/// Between floats, NaN equals NaN and infinity equals an infinity of its sign; NaN against a number
-/// is an infinite difference. JSON has no infinity: `largest`, `mean`, `rms` and `psnr` are `null`
-/// there when they are infinite.
+/// Between floats, NaN equals NaN, and infinity equals infinity of the same sign; the difference of
+/// a NaN and a number is infinite. JSON has no infinity: `largest`, `mean`, `rms` and `psnr` are
+/// `null` there if they are infinite.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Comparison {
     /// Pixels in a row of either picture.
@@ -78,12 +78,12 @@ pub struct Comparison {
     pub off_by_1: u64,
     /// Pixels that differ by two levels or more (2/255 in floats).
     pub off_by_2: u64,
-    /// Pixels whose difference is infinite; never any in 8 bits.
+    /// Pixels whose difference is infinite, which 8-bit pictures have none of.
     pub infinite: u64,
     /// The largest difference of any channel.
     pub largest: f64,
-    /// The pixel `(x, y)` of `largest`, from the upper left: the first in reading order. `None` if
-    /// nothing differs.
+    /// The pixel `(x, y)` of `largest`, counted from the upper left; the first one in reading
+    /// order. `None` if nothing differs.
     pub largest_at: Option<(u32, u32)>,
     /// Mean absolute difference over all channels of all pixels.
     pub mean: f64,
@@ -105,9 +105,9 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
     Ok(tally(a, differences(a, b)?))
 }
 
-/// Shows where two pictures differ, however little: an 8-bit picture of |a - b| per channel, from
-/// [`LEAST_SHADE`] for the least difference to 255 for the largest finite one of any channel, and
-/// for an infinite one. Equal ones are black.
+/// Shows where two pictures differ, however little. The result is an 8-bit picture of |a - b| per
+/// channel: from [`LEAST_SHADE`] for the smallest difference to 255 for the largest finite one, and
+/// 255 for an infinite one. Equal pixels are black.
 ///
 /// # Errors
 /// If the sizes differ, or if one has levels and the other floats.
@@ -118,14 +118,14 @@ pub fn difference_image(a: &Picture, b: &Picture) -> Result<Picture, CompareErro
     let largest = differences(a, b)?.flatten().filter(|d| d.is_finite()).fold(0.0, f64::max);
     let shade = |d: f64| match d {
         0.0 => 0,
-        // A cast from float to integer saturates, so an infinite difference is white.
+        // A cast from float to integer saturates, so that an infinite difference becomes 255.
         _ => (LEAST_SHADE + (255.0 - LEAST_SHADE) * (d / largest)).round() as u8,
     };
     let pixels = differences(a, b)?.map(|pixel| pixel.map(shade)).collect();
     Ok(Picture::new(a.width, a.height, Pixels::Rgb8(pixels)))
 }
 
-/// The differences of each pixel.
+/// The difference of each pair of pixels, per channel.
 type Differences<'a> = Box<dyn Iterator<Item = [f64; 3]> + 'a>;
 
 fn differences<'a>(a: &'a Picture, b: &'a Picture) -> Result<Differences<'a>, CompareError> {
@@ -153,7 +153,7 @@ fn linear_differences(p: &[f32; 3], q: &[f32; 3]) -> [f64; 3] {
         } else if p.is_nan() || q.is_nan() {
             f64::INFINITY
         } else {
-            // Two f32 that differ do so in f64 too: nothing underflows to "equal".
+            // Two f32 that differ also differ in f64, where their difference does not underflow.
             (f64::from(p) - f64::from(q)).abs()
         }
     })
@@ -177,7 +177,7 @@ fn tally(shape: &Picture, differences: impl Iterator<Item = [f64; 3]>) -> Compar
         rms: 0.0,
         psnr: f64::INFINITY,
     };
-    // In levels these sums are of integers, exact up to 2^53.
+    // For levels these sums are integers, which f64 holds exactly up to 2^53.
     let (mut sum, mut squares) = (0.0, 0.0);
     let mut largest_index = 0;
     for (index, [r, g, b]) in differences.enumerate() {

@@ -5,12 +5,12 @@ use super::Watch;
 use rayo::internals::kernels::Cycles;
 use rayo::internals::kernels::sys;
 
-/// Rounds of the chain: some 20 microseconds.
+/// The number of rounds of the chain, which take about 20 microseconds.
 const CHAIN_ROUNDS: u32 = 1000;
-/// How much the clock may drift during a measurement that counts as steady.
+/// The largest relative change of the core's clock during a measurement that counts as steady.
 const DRIFT: f64 = 0.01;
-/// If fewer measurements than this are plausible, more are made, up to [`MORE`] times the number
-/// requested.
+/// If fewer measurements than this are plausible, more are made: in all up to [`MORE`] times the
+/// requested number.
 const ENOUGH: u32 = 3;
 const MORE: u32 = 3;
 
@@ -24,18 +24,19 @@ fn chain_ticks() -> f64 {
     start.stop() as f64
 }
 
-/// Cycles of the core for each tick of the time-stamp counter, now: above 1 where it runs faster
-/// than its nominal clock. The best of seven, which no interrupt hit.
+/// The core's current cycles per tick of the time-stamp counter: above 1 where the core runs faster
+/// than its nominal clock. Of seven measurements the one that no interrupt has made longer counts.
 pub fn core_cycles_per_tick() -> f64 {
     chain_cycles() / (0..7).map(|_| chain_ticks()).fold(f64::INFINITY, f64::min)
 }
 
-/// The core cycles of one of the operations that `action` does and counts: the fewest of `repeats`,
-/// each measured between two chains of known length, since a core changes its clock with load and
-/// temperature. Repeats during which it changed are dropped, unless all are.
+/// The core cycles of one operation of those that `action` does and counts: the fewest of `repeats`
+/// measurements. Each is made between two chains of known length, since a core changes its clock
+/// with load and temperature. Measurements during which the clock changed do not count, unless it
+/// changed in all.
 ///
-/// A repeat in which others had the core, or in which an operation seems to take fewer than the
-/// `least` cycles possible, does not count, and more are made if too few are left. None if none is.
+/// A measurement does not count if it was preempted, or if an operation seems to take fewer cycles
+/// than `least`, which is impossible; more are made if too few are left. None if none is left.
 pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) -> Option<f64> {
     let measured = std::iter::repeat_with(|| {
         let watch = Watch::start();
@@ -50,8 +51,8 @@ pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) ->
     fewest(measured, repeats, least)
 }
 
-/// The fewest plausible cycles, which are those from `least` up; of steady measurements if there
-/// are any.
+/// The fewest cycles among the plausible measurements, which have at least `least`; among the
+/// steady ones, if there are any.
 fn fewest(measured: impl Iterator<Item = Option<(f64, bool)>>, repeats: u32, least: f64) -> Option<f64> {
     let (mut steady, mut any) = (None, None);
     let mut right = 0;

@@ -11,14 +11,14 @@ use super::source::{Origin, Unit};
 use rayo::internals::kernels::crash::Crash;
 use rayo::internals::kernels::{self, Isa};
 
-// As Linux numbers them on x86-64, where alone crashes are told.
+// Numbers of Linux on x86-64, the only system on which crashes are described.
 const SIGILL: i32 = 4;
 const SIGABRT: i32 = 6;
 const SIGBUS: i32 = 7;
 const SIGFPE: i32 = 8;
 const SIGSEGV: i32 = 11;
-/// The code of a fault that is none of memory management: a vector that is not aligned, an address
-/// that is none.
+/// The code of a fault that does not come from memory management: a vector that is not aligned, or
+/// an address that is not canonical.
 const SI_KERNEL: i32 = 0x80;
 
 /// The addresses of all kernels in assembly that this CPU runs, and of the functions of the engine
@@ -48,8 +48,8 @@ fn functions_of_c() -> Vec<FunctionOfC> {
     found
 }
 
-/// What a crash was, over some lines without an end. `symbol`: the kernel that was called, if that
-/// is known.
+/// Describes a crash in several lines, the last without a line end. `symbol` is the kernel that was
+/// called, if it is known.
 pub fn describe(crash: &Crash, symbol: Option<&str>) -> String {
     let rip = crash.rip as usize;
     let unit = Isa::ALL.into_iter().filter_map(Unit::of).find(|unit| unit.code.contains(&rip));
@@ -94,7 +94,7 @@ pub fn signal(number: i32) -> String {
     }
 }
 
-/// What was wrong with the access, or with the arithmetic.
+/// What was wrong with the memory access or with the arithmetic.
 pub fn cause(crash: &Crash, raw: &iced_x86::Instruction) -> Option<String> {
     if crash.signal == SIGFPE {
         return Some(match crash.code {

@@ -1,5 +1,5 @@
-//! Instructions of built code, decoded and counted: of a symbol of an object, or of a function of
-//! this process.
+//! Instructions of built code, decoded and counted: those of a symbol in an object file, or of a
+//! function in this process.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use rayo::internals::kernels;
 
-/// The purpose of an instruction. Arithmetic may read an operand from memory, as
-/// [`Instruction::reads`] says.
+/// What an instruction does. Arithmetic may also read an operand from memory; see
+/// [`Instruction::reads`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Class {
@@ -34,7 +34,7 @@ pub enum Class {
     Other,
 }
 
-/// The operands of an instruction.
+/// The kind of operands that an instruction has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Width {
@@ -51,52 +51,52 @@ pub struct Instruction {
     /// Bytes from the beginning of its function.
     pub offset: usize,
     pub bytes: usize,
-    /// As text, in Intel's syntax.
+    /// The instruction as text, in Intel's syntax.
     pub text: String,
     pub class: Class,
-    /// Its operands.
+    /// The kind of its operands.
     pub width: Width,
     pub reads: bool,
-    /// Its jump target, in bytes from the beginning of its function; None for a call, which keeps
-    /// its text.
+    /// The target of its jump, in bytes from the beginning of the function. None for a call, whose
+    /// target is in the text.
     pub target: Option<usize>,
-    /// The CPUID features that it needs, as Intel's manual names them.
+    /// The CPUID features that the instruction needs, as Intel's manual names them.
     pub features: Vec<String>,
 }
 
 /// A function of an object, without its code.
 #[derive(Clone, Debug, Serialize)]
 pub struct Function {
-    /// The object, named after its source.
+    /// The name of the object, which is that of its source.
     pub object: &'static str,
     pub symbol: String,
     pub bytes: usize,
 }
 
-/// The functions of all objects of build.rs, object by object and in the order of their addresses.
+/// The functions of all objects that build.rs makes, object by object, sorted by address.
 pub fn functions() -> Vec<Function> {
     let of_object = |(object, data): &(&'static str, &'static [u8])| {
         let Ok(file) = object::File::parse(*data) else { return Vec::new() };
-        let functions = places(&file).into_iter();
+        let functions = code_ranges(&file).into_iter();
         functions.map(|place| Function { object, symbol: place.symbol.to_owned(), bytes: place.bytes.len() }).collect()
     };
     kernels::OBJECTS.iter().flat_map(of_object).collect()
 }
 
-/// The place of a function in an object.
-struct Place<'a> {
+/// Where the code of a function is in an object file.
+struct CodeRange<'a> {
     symbol: &'a str,
     section: SectionIndex,
-    /// In its section.
+    /// Offsets from the beginning of the section.
     bytes: Range<usize>,
-    /// Whether the object gives its length.
+    /// Whether the symbol table gives the function's length.
     has_size: bool,
 }
 
-/// All functions of an object, by their addresses. ELF may give the length of a function. Without
-/// it, a function ends at its label `.end`, as those in assembly do, or else before the next one,
-/// padding included.
-fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
+/// The functions of an object, sorted by address. ELF may give the length of a function. Without
+/// that, a function ends at its label `.end`, which functions in assembly have, or else where the
+/// next one begins, padding included.
+fn code_ranges<'a>(file: &object::File<'a>) -> Vec<CodeRange<'a>> {
     let is_elf = file.format() == object::BinaryFormat::Elf;
     let mut ends = HashMap::new();
     let mut places: Vec<_> = Vec::new();
@@ -106,12 +106,12 @@ fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
         let start = (symbol.address() - section.address()) as usize;
         let end = start + symbol.size() as usize;
         let is_exported = symbol.is_global() && section.kind() == object::SectionKind::Text;
-        // What people write by hand has no size, unless they know how to give it one.
+        // Functions that people write by hand often have no size.
         let has_size = is_elf && symbol.size() > 0;
         let is_function = if has_size { symbol.kind() == SymbolKind::Text } else { is_exported };
         if is_function {
             let end = if has_size { end } else { section.size() as usize };
-            places.push(Place { symbol: undecorated(file, name), section: index, bytes: start..end, has_size });
+            places.push(CodeRange { symbol: undecorated(file, name), section: index, bytes: start..end, has_size });
         } else if let Some(of) = name.strip_suffix(".end") {
             ends.insert(of, start);
         }
@@ -127,8 +127,8 @@ fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
     places
 }
 
-/// A symbol as in the source: names in Mach-O begin with _, and ELF's local ones as
-/// `asm/include/isa.inc` says.
+/// A symbol as its source has it: without the _ that begins names in Mach-O, or the prefix of local
+/// labels in ELF that `asm/include/isa.inc` defines.
 fn undecorated<'a>(file: &object::File<'_>, symbol: &'a str) -> &'a str {
     let prefix = if file.format() == object::BinaryFormat::MachO { "_" } else { ".L" };
     symbol.strip_prefix(prefix).unwrap_or(symbol)
@@ -138,16 +138,16 @@ fn undecorated<'a>(file: &object::File<'_>, symbol: &'a str) -> &'a str {
 #[derive(Clone, Debug)]
 pub struct Code {
     pub symbol: String,
-    /// In the order of their addresses.
+    /// The instructions, sorted by address.
     pub instructions: Vec<Instruction>,
-    /// The bytes between its labels `.body` and `.body_end`, if it has them.
+    /// The bytes between the labels `.body` and `.body_end`, if the function has them.
     pub body: Option<Range<usize>>,
 }
 
-/// Instructions by kind.
+/// The number of instructions of each kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Mix {
-    /// All of them.
+    /// The number of all instructions.
     pub instructions: usize,
     pub bytes: usize,
     /// Of [`Class::Arithmetic`].
@@ -168,14 +168,14 @@ pub struct Mix {
     pub scalar: usize,
     /// Of [`Width::Packed`].
     pub packed: usize,
-    /// Those that read memory, loads and others.
+    /// How many read memory: loads and others.
     pub reads: usize,
-    /// The CPUID features that they need, sorted.
+    /// The CPUID features that the instructions need, sorted.
     pub features: Vec<String>,
 }
 
 impl Code {
-    /// The function `symbol` of an object of build.rs; None if no object has it.
+    /// The function `symbol`, searched in all objects that build.rs makes.
     pub fn of_symbol(symbol: &str) -> Option<Code> {
         kernels::OBJECTS.iter().find_map(|(_, data)| Code::in_object(data, symbol))
     }
@@ -183,8 +183,8 @@ impl Code {
     /// The function `symbol` of the object `data`.
     pub fn in_object(data: &[u8], symbol: &str) -> Option<Code> {
         let file = object::File::parse(data).ok()?;
-        let Place { section, bytes: Range { start, end }, has_size, .. } =
-            places(&file).into_iter().find(|of| of.symbol == symbol)?;
+        let CodeRange { section, bytes: Range { start, end }, has_size, .. } =
+            code_ranges(&file).into_iter().find(|of| of.symbol == symbol)?;
         let section = file.section_by_index(section).ok()?;
         let bytes = section.data().ok()?.get(start..end)?;
         let label = |name: &str| {
@@ -199,8 +199,8 @@ impl Code {
             instructions,
             body: label("body").zip(label("body_end")).map(|(start, end)| start..end),
         };
-        // A target in another section has no address in an object yet: the relocation has its name,
-        // or its place there.
+        // In an object file a target in another section has no address yet. Its relocation has its
+        // name, or its offset in that section.
         for (at, relocation) in section.relocations() {
             let object::RelocationTarget::Symbol(target) = relocation.target() else { continue };
             let Ok(target) = file.symbol_by_index(target) else { continue };
@@ -209,7 +209,8 @@ impl Code {
             let Some(instruction) = hit else { continue };
             let name = match target.kind() {
                 SymbolKind::Section => {
-                    // The addend counts from the relocation, the instruction from its end.
+                    // The addend is relative to the relocated bytes, and a jump's target is
+                    // relative to the end of the instruction.
                     let place = relocation.addend() + (instruction.offset + instruction.bytes - at) as i64;
                     let is_there = |s: &object::Symbol<'_, '_>| {
                         s.section_index() == target.section_index()
@@ -232,9 +233,8 @@ impl Code {
         Some(code)
     }
 
-    /// The function of this process that begins at `address`; None if its code cannot be read.
-    ///
-    /// It ends as [`reached`] says.
+    /// The function of this process that begins at `address`; None if its code cannot be read. Its
+    /// end is found by [`reached`].
     pub fn of_function(symbol: &str, address: usize) -> Option<Code> {
         let instructions = reached(kernels::code_at(address)?);
         Some(Code { symbol: symbol.into(), instructions, body: None })
@@ -244,17 +244,17 @@ impl Code {
         self.instructions.last().map_or(0, |last| last.offset + last.bytes)
     }
 
-    /// All of it.
+    /// The kinds of all instructions of the function.
     pub fn function(&self) -> Mix {
         Mix::of(&self.instructions)
     }
 
-    /// The code between the labels, if it has them.
+    /// The kinds of the instructions between the labels of the body, if there are any.
     pub fn body(&self) -> Option<Mix> {
         self.body_instructions().map(Mix::of)
     }
 
-    /// The instructions between the labels, if it has them.
+    /// The instructions between the labels of the body, if there are any.
     pub fn body_instructions(&self) -> Option<&[Instruction]> {
         let body = self.body.as_ref()?;
         let first = self.instructions.partition_point(|i| i.offset < body.start);
@@ -264,7 +264,7 @@ impl Code {
 }
 
 impl Mix {
-    /// The kinds of `instructions`.
+    /// Counts the kinds of `instructions`.
     pub fn of<'a>(instructions: impl IntoIterator<Item = &'a Instruction>) -> Mix {
         let mut mix = Mix::default();
         for i in instructions {
@@ -290,8 +290,8 @@ impl Mix {
     }
 }
 
-/// The instructions of a function whose length is not known: it ends where no earlier instruction
-/// falls through or jumps beyond.
+/// The instructions of a function of unknown length. It ends at the first instruction that does not
+/// fall through and that no earlier jump passes over.
 fn reached(bytes: &[u8]) -> Vec<Instruction> {
     let mut instructions = Vec::new();
     let mut furthest = 0;
@@ -301,7 +301,7 @@ fn reached(bytes: &[u8]) -> Vec<Instruction> {
             FlowControl::Return | FlowControl::Exception | FlowControl::IndirectBranch => true,
             FlowControl::UnconditionalBranch | FlowControl::ConditionalBranch => {
                 let target = raw.near_branch_target() as usize;
-                // A far target is another function: a tail call.
+                // A target far away is another function: the jump is a tail call.
                 if target > instruction.offset && target < end + 4096 {
                     furthest = furthest.max(target);
                 }
@@ -322,7 +322,7 @@ pub fn decode(bytes: &[u8], address: u64) -> impl Iterator<Item = Instruction> {
     decode_raw(bytes, address).map(|decoded| decoded.instruction)
 }
 
-/// An instruction as [`decode`] gives it, and as the decoder does.
+/// An instruction as [`decode`] describes it, and as the decoder returned it.
 pub(super) struct Decoded {
     pub instruction: Instruction,
     pub raw: iced_x86::Instruction,
@@ -345,8 +345,8 @@ pub(super) fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = Dec
     })
 }
 
-/// The description of an instruction of this text, which accesses memory in these ways, in code
-/// that begins at `address`.
+/// Describes an instruction with the text `text` and these memory accesses, in code that begins at
+/// `address`.
 fn described(raw: &iced_x86::Instruction, text: String, accesses: &[OpAccess], address: u64) -> Instruction {
     let is_both = |access: &OpAccess| matches!(access, OpAccess::ReadWrite | OpAccess::ReadCondWrite);
     let is_read = |access: &OpAccess| matches!(access, OpAccess::Read | OpAccess::CondRead) || is_both(access);
@@ -368,8 +368,7 @@ fn described(raw: &iced_x86::Instruction, text: String, accesses: &[OpAccess], a
     }
 }
 
-/// The instruction at an address of this process, decoded; None if there is no code that can be
-/// read.
+/// The decoded instruction at an address of this process; None if the address has no readable code.
 pub fn decode_raw_at(address: u64) -> Option<(Instruction, iced_x86::Instruction)> {
     let decoded = decode_raw(kernels::code_at(address as usize)?, address).next()?;
     Some((decoded.instruction, decoded.raw))
@@ -399,7 +398,8 @@ fn class(raw: &iced_x86::Instruction, reads: bool, writes: bool) -> Class {
     if SHUFFLES.iter().any(|shuffle| name.starts_with(shuffle)) {
         return Class::Shuffle;
     }
-    // `cmov` and `movmsk` compute; `mov`, `movaps`, `movss`, `movzx` and so on copy.
+    // `cmov` and `movmsk` count as computing; `mov`, `movaps`, `movss`, `movzx` and so on as
+    // copying.
     let copies = name.starts_with("mov") && !name.starts_with("movmsk") || ["push", "pop", "leave"].contains(&&*name);
     if copies && writes {
         Class::Store

@@ -1,5 +1,5 @@
-//! The interleaved runner: contestants take turns, so that whatever changes over time changes for
-//! all of them.
+//! The interleaved runner: contestants take turns, so that whatever changes over time affects all
+//! of them.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -10,14 +10,16 @@ use super::watch::{Interruption, Watch};
 use rayo::internals::kernels::sys;
 use rayo::internals::kernels::{Cycles, tsc_hz};
 
-/// The distance from the median, in MAD, from which a run is reported as off.
+/// The distance from the median, in MAD (median absolute deviations), beyond which a run is
+/// reported as off.
 pub const OFF_BY_MAD: f64 = 3.0;
 
-/// A run in which others had the core is repeated, at most so often: it bounds the time on a busy
-/// core.
+/// How often a preempted run is repeated at most, so that a busy core cannot prolong a measurement
+/// without end.
 const AGAIN: usize = 3;
 
-/// The clock of a measurement. With an artificial one every statistic can be checked.
+/// The clock of a measurement. Tests use an artificial one, by which every statistic can be
+/// checked.
 pub trait Clock {
     /// The ticks that `work` takes.
     fn time(&mut self, work: &mut dyn FnMut()) -> u64;
@@ -27,13 +29,13 @@ pub trait Clock {
         sys::current_core()
     }
 
-    /// Whether others had the core during the last of these times.
+    /// Whether the last timed work was preempted: whether another thread had the core meanwhile.
     fn taken(&mut self) -> bool {
         false
     }
 }
 
-/// The ticks of a script.
+/// A clock that takes its ticks from a given sequence.
 pub struct Scripted<I>(pub I);
 
 impl<I: Iterator<Item = u64>> Clock for Scripted<I> {
@@ -46,22 +48,22 @@ impl<I: Iterator<Item = u64>> Clock for Scripted<I> {
     }
 }
 
-/// A clock of this machine, which knows whether others had the core. Work that they interrupt
-/// seldom enough takes the time that the thread had by its own clock, and then they count as not
-/// having had it.
+/// A clock of this machine that notices preemption. If preemptions were few enough, the thread's
+/// own CPU time tells how long the work took; it is then used, and the work does not count as
+/// preempted.
 #[derive(Clone, Copy, Debug)]
 pub struct MachineClock {
     of_counter: bool,
     taken: bool,
-    /// Ticks of all work so far.
+    /// The ticks of all work timed so far.
     pub total: u64,
 }
 
 impl MachineClock {
-    /// Ticks of [`MachineClock::wall`] in a second.
+    /// Ticks per second of [`MachineClock::wall`].
     pub const WALL_HZ: f64 = 1e9;
 
-    /// The time-stamp counter; None if there is none to read.
+    /// The time-stamp counter; None if the machine has none that can be read.
     pub fn counter() -> Option<Self> {
         Cycles::available().then_some(MachineClock { of_counter: true, ..MachineClock::wall() })
     }
@@ -72,7 +74,7 @@ impl MachineClock {
     }
 }
 
-/// [`tsc_hz`], measured once.
+/// The rate of the time-stamp counter, measured once by [`tsc_hz`].
 fn counter_hz() -> Option<f64> {
     static HZ: OnceLock<Option<f64>> = OnceLock::new();
     *HZ.get_or_init(tsc_hz)
@@ -110,27 +112,27 @@ pub type Work<'a> = Box<dyn FnMut() + 'a>;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Runs {
     pub ticks: Vec<f64>,
-    /// Runs that ended on another core than the one they began on.
+    /// The number of runs that ended on another core than the one they began on.
     pub migrations: usize,
-    /// Runs in which others had the core, however often they were repeated.
+    /// For each run whether it was preempted, however often it was repeated.
     pub taken: Vec<bool>,
 }
 
-/// Whether `clean` runs of `all` are enough for a verdict: at least half.
+/// Whether `clean` undisturbed runs out of `all` are enough for a verdict: at least half.
 pub fn enough(clean: usize, all: usize) -> bool {
     2 * clean >= all
 }
 
 impl Runs {
-    /// Runs further from the median than [`OFF_BY_MAD`] MAD.
+    /// The number of runs further from the median than [`OFF_BY_MAD`] MAD.
     pub fn off(&self) -> usize {
         statistics::outliers(&self.ticks, OFF_BY_MAD)
     }
 }
 
-/// Times each of `contestants` once in each of `rounds`; none is dropped. Odd rounds go backwards,
-/// so that each follows its neighbour as often as it precedes it. A run in which others had the
-/// core is repeated, up to `AGAIN` times.
+/// Times each of `contestants` once in each of `rounds`, and keeps every run. Odd rounds go
+/// backwards, so that each contestant follows its neighbour as often as it precedes it. A preempted
+/// run is repeated up to `AGAIN` times.
 ///
 /// `proceed` is called after each round; if it returns false, the result is None.
 pub fn interleave(
@@ -149,7 +151,7 @@ pub fn interleave(
                 if taken {
                     let again = clock.time(&mut contestants[index]);
                     taken = clock.taken();
-                    // If all were disturbed, the fewest ticks.
+                    // If all attempts were preempted, the one with the fewest ticks is kept.
                     ticks = if taken { ticks.min(again) } else { again };
                 }
             }

@@ -1,4 +1,4 @@
-//! The machine and the build that a figure belongs to.
+//! The machine and the build that a measurement was made with.
 
 use std::sync::OnceLock;
 use std::time::SystemTime;
@@ -10,35 +10,36 @@ use super::core_cycles_per_tick;
 use rayo::internals::kernels::sys::cores;
 use rayo::internals::kernels::{Cache, built, caches, tsc_hz};
 
-/// The commit of the program, which only the program knows.
+/// The commit that the program was built from, which the program sets.
 static COMMIT: OnceLock<&'static str> = OnceLock::new();
 
-/// A machine and a build: a figure without it is not a result. The fields are named as in JSON.
+/// A machine and a build, without which a measured figure means little. The fields have their JSON
+/// names.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Machine {
-    /// The CPU's own name, which makers give to several generations.
+    /// The name that the CPU reports, which makers give to several generations.
     pub cpu: Option<String>,
-    /// Family, in the maker's numbering.
+    /// The CPU's family, in its maker's numbering.
     pub family: Option<u32>,
-    /// Model of the family.
+    /// The CPU's model within the family.
     pub model: Option<u32>,
-    /// Stepping of the model.
+    /// The CPU's stepping.
     pub stepping: Option<u32>,
     /// The maker's name for this family and model, if it is a known one.
     #[serde(default)]
     pub microarchitecture: Option<Name>,
-    /// The core's own cycles per second, measured once at the beginning: it may change with load
-    /// and temperature.
+    /// The core's own cycles per second, measured once at the start. They may change with load and
+    /// temperature.
     pub core_hz: Option<f64>,
     /// Cores that this process may use.
     pub cores: usize,
     /// Data caches, nearest first; empty if the operating system does not report them.
     pub caches: Vec<Cache>,
-    /// Operating system.
+    /// The name of the operating system.
     pub os: Name,
-    /// Its kernel's release, if known.
+    /// The release of the operating system's kernel, if it is known.
     pub kernel: Option<String>,
-    /// The hypervisor; None also if there is none.
+    /// The name of the hypervisor; None without one.
     pub hypervisor: Option<String>,
     /// The date of the measurement, in UTC: 2026-01-31T12:00:00Z.
     pub date: Option<String>,
@@ -46,24 +47,25 @@ pub struct Machine {
     pub tsc_hz: Option<f64>,
     /// Whether the CPU promises that the counter ticks at a constant rate.
     pub tsc_invariant: bool,
-    /// Version of this program.
+    /// The version of this program.
     pub version: Name,
-    /// The commit that was checked out when it was built; changes to it do not show. None for a
-    /// build from a package.
+    /// The commit that was checked out when the program was built; uncommitted changes do not show.
+    /// None for a build from a package.
     #[serde(default)]
     pub commit: Option<Name>,
-    /// The assembler of the kernels.
+    /// The assembler that built the kernels.
     pub nasm: Option<Name>,
-    /// The C compiler of the baseline.
+    /// The C compiler that built the baseline.
     pub cc: Option<Name>,
-    /// Its flags.
+    /// The flags of the C compiler.
     pub cflags: Option<Name>,
-    /// The Rust compiler.
+    /// The Rust compiler that built the program.
     pub rustc: Name,
 }
 
 impl Machine {
-    /// This machine and this build. Takes a twentieth of a second for the counter's rate.
+    /// Describes this machine and this build. Measuring the counter's rate takes a twentieth of a
+    /// second.
     pub fn this() -> Self {
         let tsc_hz = tsc_hz();
         let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease");
@@ -85,7 +87,7 @@ impl Machine {
         }
     }
 
-    /// The CPU by its name, and its generation.
+    /// The CPU's name and its generation, as text.
     pub fn cpu(&self) -> String {
         let name = self.cpu.as_deref().unwrap_or("an unknown CPU");
         let (Some(family), Some(model)) = (self.family, self.model) else { return name.to_owned() };
@@ -93,7 +95,7 @@ impl Machine {
         format!("{name} ({of}family {family} model {model})")
     }
 
-    /// All of it in words: labels and values.
+    /// All facts as pairs of a label and a value.
     pub fn facts(&self) -> impl Iterator<Item = (&'static str, String)> {
         let gigahertz = |hz: f64| format!("{:.3} GHz", hz / 1e9);
         let promise = if self.tsc_invariant { "invariant" } else { "not known to be invariant" };
@@ -128,8 +130,8 @@ pub fn set_commit(commit: &'static str) {
     COMMIT.get_or_init(|| commit);
 }
 
-/// A second since 1970 in UTC, by the calendar of years that begin in March, whose leap day is
-/// their last.
+/// The time in UTC of a number of seconds since 1970, by a calendar whose years begin in March, so
+/// that the leap day is the last one.
 fn date(second: u64) -> String {
     let day = second / 86_400 + 719_468; // since the first of March of the year 0
     let (era, of_era) = (day / 146_097, day % 146_097);
@@ -142,7 +144,7 @@ fn date(second: u64) -> String {
     format!("{year}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// The CPU's report of itself.
+/// What the CPU reports of itself.
 #[cfg(target_arch = "x86_64")]
 fn of_cpu() -> Machine {
     let cpuid = raw_cpuid::CpuId::new();
@@ -160,14 +162,14 @@ fn of_cpu() -> Machine {
     }
 }
 
-/// The CPU's report of itself: empty on this architecture.
+/// What the CPU reports of itself, which is nothing on this architecture.
 #[cfg(not(target_arch = "x86_64"))]
 fn of_cpu() -> Machine {
     Machine::default()
 }
 
-/// The microarchitecture by AMD or Intel, as in Linux's `arch/x86`; None if a hypervisor gives a
-/// CPU with AMX an older model.
+/// The name of a microarchitecture of AMD or Intel, after the tables in Linux's `arch/x86`. None if
+/// a hypervisor presents a CPU with AMX as an older model.
 #[cfg(target_arch = "x86_64")]
 fn microarchitecture(cpuid: &raw_cpuid::CpuId<raw_cpuid::CpuIdReaderNative>) -> Option<&'static str> {
     let info = cpuid.get_feature_info()?;
@@ -195,7 +197,7 @@ fn microarchitecture(cpuid: &raw_cpuid::CpuId<raw_cpuid::CpuIdReaderNative>) -> 
     })
 }
 
-/// This machine's CPU by its name, and its generation.
+/// The name of this machine's CPU and its generation, as text.
 pub fn cpu_name() -> String {
     of_cpu().cpu()
 }

@@ -1,4 +1,4 @@
-//! Measuring: clocks, statistics, counted instructions, the machine, crashes in words, and the
+//! Clocks, statistics, counted instructions, the machine, descriptions of crashes, and the
 //! comparison of pictures.
 
 use std::borrow::Cow;
@@ -18,5 +18,5 @@ pub use interleave::{Clock, MachineClock, OFF_BY_MAD, Runs, Scripted, Work, enou
 pub use machine::{Machine, cpu_name, set_commit};
 pub use watch::Watch;
 
-/// A name in a document: one that the program has, or that it read.
+/// A name in a document: one of the program's own, or one that was read.
 pub type Name = Cow<'static, str>;

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A value with the interval into which a repetition is expected to fall.
+/// A value, and the interval in which a repetition is expected to be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Estimate {
-    /// The estimate itself.
+    /// The estimated value.
     pub value: f64,
     /// The interval's lower end.
     pub low: f64,
@@ -14,8 +14,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The same with an interval that is wider by this share of its ends: 0.25 makes a quarter more
-    /// of the higher one.
+    /// The estimate with a wider interval: its ends are divided and multiplied by 1 + `by`.
     pub fn widened(self, by: f64) -> Self {
         Estimate { low: self.low / (1.0 + by), high: self.high * (1.0 + by), ..self }
     }
@@ -28,7 +27,8 @@ impl Estimate {
 
 /// The confidence of an interval.
 pub const CONFIDENCE: f64 = 0.95;
-/// Resamples of a bootstrap: enough to fix the second digit of the ends of a 95 % interval.
+/// The number of resamples of a bootstrap: enough for the first two digits of the ends of a 95 %
+/// interval.
 const RESAMPLES: usize = 1000;
 
 /// The arithmetic mean; NaN for an empty slice.
@@ -57,16 +57,16 @@ pub fn mad(values: &[f64]) -> f64 {
     median_of(&mut values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
 }
 
-/// The number of values further than `times` MAD from the median.
+/// The number of values that are further than `times` MAD from the median.
 pub fn outliers(values: &[f64], times: f64) -> usize {
     let (middle, reach) = (median(values), times * mad(values));
     values.iter().filter(|value| (*value - middle).abs() > reach).count()
 }
 
-/// Each of `numerators` divided by the one of `denominators` that was measured beside it.
+/// Each numerator divided by the denominator that was measured together with it.
 ///
 /// # Panics
-/// If their numbers differ.
+/// If there are not as many numerators as denominators.
 pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
     assert_eq!(numerators.len(), denominators.len(), "ratios are taken pair by pair");
     numerators.iter().zip(denominators).map(|(a, b)| a / b).collect()
@@ -74,9 +74,9 @@ pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
 
 /// The median of all values in `groups`, with its percentile bootstrap interval at [`CONFIDENCE`].
 ///
-/// A resample draws as many groups as there are, each with all its values: values measured together
-/// may be off together, and tell less than independent ones. `random` returns 64 random bits a
-/// call; equal bits give equal intervals.
+/// A resample draws as many groups as there are, each with all its values: values that were
+/// measured together may be off together, and carry less information than independent ones.
+/// `random` returns 64 random bits per call; the same bits give the same interval.
 pub fn median_with_interval<'a>(
     groups: impl IntoIterator<Item = &'a [f64]>,
     random: &mut dyn FnMut() -> u64,
@@ -97,11 +97,11 @@ pub fn median_with_interval<'a>(
     Estimate { value, low: quantile(&medians, tail), high: quantile(&medians, 1.0 - tail) }
 }
 
-/// A line through points, by least squares.
+/// A straight line through points, fitted by least squares.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Line {
     pub slope: f64,
-    /// The value at 0.
+    /// The line's value at x = 0.
     pub intercept: f64,
     /// The root mean square distance of the points from the line, relative to their mean.
     pub residual: f64,
@@ -123,7 +123,7 @@ pub fn fit_line(points: &[(f64, f64)]) -> Line {
     Line { slope, intercept, residual: (squares / count).sqrt() / y_mean.abs() }
 }
 
-/// Reorders `values`.
+/// The median of `values`, which are reordered.
 fn median_of(values: &mut [f64]) -> f64 {
     let (middle, odd) = (values.len() / 2, values.len() % 2 == 1);
     if values.is_empty() {
@@ -138,8 +138,7 @@ fn median_of(values: &mut [f64]) -> f64 {
     (lower + upper) / 2.0
 }
 
-/// The value below which the share `q` of sorted values lies, interpolated linearly between
-/// neighbours.
+/// The quantile `q` of sorted values, interpolated linearly between neighbours.
 fn quantile(sorted: &[f64], q: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let place = q * last as f64;
@@ -147,7 +146,7 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * place.fract()
 }
 
-/// A number in 0..n, each with the same probability to within n / 2⁶⁴.
+/// A random number in 0..n; the probabilities of all numbers are equal up to n / 2^64.
 fn below(n: usize, random: &mut dyn FnMut() -> u64) -> usize {
     ((u128::from(random()) * n as u128) >> 64) as usize
 }

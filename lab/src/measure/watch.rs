@@ -1,17 +1,17 @@
-//! Whether other threads had the core while something was timed.
+//! Finds out whether a thread was preempted while something was timed.
 
 use std::time::{Duration, Instant};
 
 use rayo::internals::kernels::sys;
 
-/// Others had the core if they had it for more than this share of the time, and longer than it
-/// takes to read the clocks.
+/// A thread counts as preempted if other threads had its core for more than this share of the time,
+/// and for longer than it takes to read the clocks.
 const SHARE: f64 = 0.01;
 const LOOKS: Duration = Duration::from_micros(20);
 
-/// A reading of the calling thread's clocks, before the timed work.
-///
-/// Time that the hypervisor takes shows only if the system accounts for it, and the use of shared
+/// The clocks of the calling thread before the timed work. Time that the hypervisor takes shows
+/// only if the operating system accounts for it, and the use of shared caches by other threads does
+/// not show at all.
 /// caches by other threads does not show at all.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
@@ -23,20 +23,20 @@ pub struct Watch {
 /// What happened while a thread was watched.
 #[derive(Clone, Copy, Debug)]
 pub struct Interruption {
-    /// Whether others had its core.
+    /// Whether other threads had the core.
     pub taken: bool,
-    /// If they had, how long the thread had it, where its own clock can tell.
+    /// The CPU time of the thread, if it was preempted and this time tells how long its work took.
     pub own: Option<Duration>,
 }
 
 impl Watch {
-    /// Now.
+    /// Reads the clocks now.
     pub fn start() -> Self {
         Watch { switches: sys::Usage::of_this_thread(), own: sys::thread_cpu_time(), start: Instant::now() }
     }
 
-    /// What happened since. A thread that has only waited, for others of its team, has not lost its
-    /// core.
+    /// What happened since `start`. A thread that has only waited, for others of its team, has not
+    /// been preempted.
     pub fn read(self) -> Interruption {
         let (all, own) = (self.start.elapsed(), sys::thread_cpu_time() - self.own);
         let now = sys::Usage::of_this_thread();
@@ -45,24 +45,24 @@ impl Watch {
         Interruption { taken, own: (taken && !waited && tells(own, forced)).then_some(own) }
     }
 
-    /// Whether others have had the core since.
+    /// Whether the thread has been preempted since `start`.
     pub fn taken(self) -> bool {
         self.read().taken
     }
 }
 
-/// An interruption costs a thread some microseconds of its own time, to begin and to fetch again
-/// what its caches have lost: of so much of it no more than a hundredth.
+/// How long a thread has to work between preemptions. Each costs some microseconds of the thread's
+/// own time, to begin again and to reload its caches; that is then no more than a hundredth.
 const BETWEEN: Duration = Duration::from_millis(1);
 
-/// Whether a thread's own clock tells how long its work takes, although others had the core so many
-/// times: it worked long enough between them.
+/// Whether a thread's own CPU time tells how long its work took although it was preempted `forced`
+/// times: it does if the thread worked long enough between preemptions.
 fn tells(own: Duration, forced: u64) -> bool {
     forced > 0 && own.as_secs_f64() >= forced as f64 * BETWEEN.as_secs_f64()
 }
 
-/// Whether a thread that had `own` of `all` of the time lost more of it than allowed. An unknown
-/// own time is 0.
+/// Whether a thread that had the core for `own` of the time `all` lost more of it than is
+/// tolerated. An unknown own time is 0.
 fn is_taken(all: Duration, own: Duration) -> bool {
     !own.is_zero() && all.saturating_sub(own) > all.mul_f64(SHARE) + LOOKS
 }

@@ -9,10 +9,10 @@ use crate::experiments::svg::{COLOURS, GREY, Mark, PlotError, SMALL, down, draw,
 
 const WIDTH: i32 = 960;
 const LINE: i32 = 26;
-/// The marks of scenes: when all colours are used, further scenes have them again with the next
-/// mark.
+/// The marks of scenes. When all colours are used up, further scenes have the same colours again
+/// with the next mark.
 const MARKS: [Mark; 3] = [Mark::Dot, Mark::Triangle, Mark::Square];
-/// The labelled values of the axis; only those within its range are drawn.
+/// The axis values that may be labelled; those outside of the axis's range are not drawn.
 const TICKS: [f64; 11] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0];
 
 /// A scene's name, and for each omission the ratio of the time without it to the plan's.

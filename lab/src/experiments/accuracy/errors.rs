@@ -7,36 +7,38 @@ use crate::exact::number::Split;
 use crate::truth::{TrueHit, TruePixel};
 use rayo::internals::render::{Colour, Distance, Found, Precision, level};
 
-/// The margin within which f32 may answer either way, in units of its u: 2e-6.
+/// The relative margin around a decision within which an f32 engine may answer either way: 2e-6, in
+/// units of f32's roundoff u = 2^-24.
 const MARGIN_IN_U: f64 = 2e-6 * 16_777_216.0;
 
-/// The term that a camera's own rounding adds to the bound of t, in units of its u and to be
-/// multiplied by [`TrueHit::lever`].
+/// The coefficient of the error of t that comes from rounding a camera ray, in units of the ray's
+/// roundoff u. It is multiplied by [`TrueHit::lever`].
 ///
-/// A ray's x is step (col + 1/2) - W/2. The product is up to W, and is rounded, as is its factor
-/// `step`; so the difference, however small, may be off by 2u W, which is 4u times half of the
-/// film's width. The ray is thus turned by up to 4u times the longest ray's length divided by its
-/// own, and the change of t depends on how obliquely the surface is hit.
+/// A ray's x is step (col + 1/2) - W/2, where W is the width of the film. The product is at most W;
+/// it and its factor `step` are rounded, so that the difference, however small, may be off by 2u W,
+/// which is 4u times half of the film's width. The ray is thus turned by up to 4u times the length
+/// of the longest ray divided by its own length. How much t changes then depends on how obliquely
+/// the ray meets the surface.
 const CAMERA: f64 = 4.0;
 
-/// The errors of one picture. Except for the counts `*_inside`, only rays outside of the margin are
-/// counted. The field names are those of the JSON document; what does not apply is None.
+/// The errors of one picture. Rays within the margin are only counted in `*_inside`, and add to no
+/// other error. The field names are those of the JSON document; what does not apply is None.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Errors {
     /// Pixels.
     pub rays: usize,
     pub hits: usize,
     pub in_margin: usize,
-    /// Rays with a hit where there is none, none where there is one, or a t that is not a number
-    /// greater than 0.
+    /// Rays for which the engine found a hit where there is none, or none where there is one, or a
+    /// t that is not a finite number above 0.
     pub wrong_hits: usize,
-    /// Such rays inside of the margin, where either answer is right.
+    /// As `wrong_hits`, for rays within the margin, where either answer is right.
     pub wrong_hits_inside: usize,
     /// Rays that hit another object than the nearest.
     pub wrong_objects: usize,
-    /// Such rays inside of the margin.
+    /// As `wrong_objects`, for rays within the margin.
     pub wrong_objects_inside: usize,
-    /// Pixels off by two levels where it depends on the rounding of the visible point whether a
+    /// Pixels off by two levels or more where the rounding of the visible point decides whether a
     /// light is hidden.
     #[serde(skip)]
     pub off_by_2_inside: usize,
@@ -44,8 +46,8 @@ pub struct Errors {
     pub max_ulp: Option<f64>,
     pub rms_ulp: Option<f64>,
     pub p999_ulp: Option<f64>,
-    /// The largest |error of t| / t as a share of its bound: the documented bound for an exact ray,
-    /// plus what the camera's own rounding adds.
+    /// The largest |error of t| / t, divided by its bound: the documented bound for an exact ray
+    /// plus the error of the rounded camera ray.
     pub bound_share: Option<f64>,
     /// The largest angle between the engine's normal and the true one, in radians.
     pub max_angle: Option<f64>,
@@ -55,7 +57,7 @@ pub struct Errors {
     pub rms_colour: Option<f64>,
     /// Pixels with a channel off by one 8-bit level or more.
     pub off_by_1: usize,
-    /// Pixels off by one that estimates in their shade do not explain: see
+    /// Pixels off by one level that the engine's estimated roots do not explain; see
     /// [`Tally::with_estimates`].
     #[serde(skip)]
     pub unexplained: usize,
@@ -95,7 +97,7 @@ pub struct Tally {
     /// The engine's unit roundoff.
     u: f64,
     camera_u: f64,
-    /// By how many levels estimates may shift a channel.
+    /// By how many levels estimated roots may shift a channel.
     estimates: f64,
     errors: Errors,
     ulps: Vec<f64>,
@@ -118,14 +120,14 @@ fn unit(double: bool) -> f64 {
 }
 
 impl Tally {
-    /// An empty tally for an engine that computes in `precision`, but its rays in f64 if
-    /// `rays_in_f64`.
+    /// An empty tally for an engine that computes in `precision`. If `rays_in_f64`, its rays are
+    /// computed in f64 all the same.
     pub fn new(precision: Precision, rays_in_f64: bool) -> Self {
         let double = precision == Precision::Double;
         Tally::of(unit(double), unit(double || rays_in_f64))
     }
 
-    /// An empty tally for results in f64 or f32 along exact rays.
+    /// An empty tally for results in f64 (`double`) or f32 along rays that are exact.
     pub fn of_exact_rays(double: bool) -> Self {
         Tally::of(unit(double), 0.0)
     }
@@ -145,8 +147,8 @@ impl Tally {
         }
     }
 
-    /// Sets by how many `levels` estimates may shift the engine's shades. A written level that is
-    /// off by one is then explained if the true value is that close to it, and only then.
+    /// Sets by how many `levels` estimated roots may shift a channel. A level that is off by one
+    /// then counts as explained if the true value is within that distance of it.
     pub fn with_estimates(self, levels: f64) -> Self {
         Tally { estimates: levels, ..self }
     }
@@ -158,7 +160,7 @@ impl Tally {
         errors.hits += usize::from(hit.is_some());
         let t = found.map(|found| found.distance.t());
         let found = found.filter(|_| t.is_some_and(|t| t.is_finite() && t > 0.0));
-        // A t that is not a number is a wrong hit, even inside of the margin.
+        // A t that is not a finite number above 0 is a wrong hit, even within the margin.
         let wrong_hit = found.is_some() != hit.is_some() || t.is_some() && found.is_none();
         let wrong_object = !wrong_hit && hit.as_ref().zip(found).is_some_and(|(hit, found)| hit.object != found.object);
         if *margin < MARGIN_IN_U * self.u {
@@ -172,11 +174,11 @@ impl Tally {
         if let (Some(hit), Some(found), false) = (hit, found, wrong_hit || wrong_object) {
             self.add_hit(hit, found);
         }
-        // At the terminator of a very bright light, where rounding in f32 decides between black and
-        // white, any colour is right.
+        // Any colour is right at the terminator of a very bright light, where rounding in f32
+        // decides between black and white.
         let colour = hit.as_ref().map_or(Some(DVec3::ZERO), |hit| hit.colour.filter(|_| !hit.dazzled));
         let Some(colour) = colour else { return };
-        // The visible point is computed in the precision of the rays.
+        // Visible points, which shadows start from, are as inaccurate as the rays.
         if hit.as_ref().is_some_and(|hit| hit.shadow < MARGIN_IN_U * self.camera_u) {
             self.errors.in_margin += 1;
             let differ = |(v, truth): (u8, f64)| v.abs_diff(level(truth)) >= 2;
@@ -190,7 +192,7 @@ impl Tally {
     fn add_hit(&mut self, hit: &TrueHit, found: &Found) {
         let relative = match found.distance {
             Distance::T(t) => hit.t.error_of(t) / hit.t.high,
-            // w t - 1, rounded once: the relative amount by which the true t exceeds 1/w.
+            // w t - 1, rounded once: the relative difference of the true t and 1/w.
             Distance::Inverse(w) => w.mul_add(hit.t.high, -1.0) + w * hit.t.low,
         };
         let relative = relative.abs();
@@ -218,7 +220,7 @@ impl Tally {
             let off = v.abs_diff(level(truth));
             self.levels.add(off.into());
             most = most.max(off);
-            // Level v stands for the values from v up to v + 1.
+            // Level v stands for all values from v to v + 1.
             let (value, written) = (255.0 * truth.clamp(0.0, 1.0), f64::from(v));
             explained &= off == 0 || (written - value).max(value - (written + 1.0)) < self.estimates;
         }

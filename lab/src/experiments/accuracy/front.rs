@@ -3,7 +3,7 @@
 /// An error and a time; smaller is better in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// The error. It is compared in whole decibels, steps of about a quarter, since smaller
+    /// The error. Errors are compared in whole decibels, steps of about a quarter, since smaller
     /// differences do not matter.
     pub error: f64,
     pub time: f64,
@@ -12,15 +12,15 @@ pub struct Point {
 impl Point {
     /// Whether this point is at least as good in both and better in one.
     pub fn dominates(self, other: Point) -> bool {
-        // An error of 0 becomes minus infinity, which compares as it should.
+        // An error of 0 becomes minus infinity, which is below all others, as it should be.
         let decibels = |error: f64| (10.0 * error.log10()).round();
         let (error, others) = (decibels(self.error), decibels(other.error));
         error <= others && self.time <= other.time && (error < others || self.time < other.time)
     }
 }
 
-/// Says of each point whether it is on the front: no other point dominates it. A point that is not
-/// a number never is.
+/// For each point whether it is on the front, which means that no other point dominates it. A point
+/// with a NaN never is.
 pub fn front(points: &[Point]) -> Vec<bool> {
     let known = |p: &Point| !p.error.is_nan() && !p.time.is_nan();
     let on = |p: &Point| known(p) && !points.iter().any(|other| other.dominates(*p));

@@ -13,8 +13,8 @@ use rayo::internals::plan::Packed;
 use rayo::internals::render::{PixelFormat, Precision};
 use rayo::internals::scene::Scene;
 
-/// The same picture by the packets of an instruction set and by the plain formulas for the same
-/// instructions.
+/// The time of one picture by a packet engine and by the plain formulas, compiled for the same
+/// instruction set.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AgainstPlain {
     pub scene: String,
@@ -26,7 +26,7 @@ pub struct AgainstPlain {
     pub robust_ns_per_ray: f64,
     /// The nanoseconds per ray of the plain formulas in the median run.
     pub plain_ns_per_ray: f64,
-    /// The engine's time divided by that of the plain formulas, by pairs.
+    /// The engine's time divided by that of the plain formulas: the median over pairs of runs.
     pub ratio: Estimate,
 }
 

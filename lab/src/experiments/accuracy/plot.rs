@@ -13,9 +13,9 @@ const PANEL: (i32, i32) = (420, 320);
 /// The size of a panel that is drawn by itself.
 const LARGE: (i32, i32) = (960, 560);
 const HEAD: i32 = 64;
-/// Smaller errors are drawn at this one, since a logarithmic axis has no 0.
+/// Smaller errors are drawn at this value, since a logarithmic axis has no 0.
 const FLOOR: f64 = 1e-9;
-/// Larger errors, as of bright light or NaN, are drawn at this one.
+/// Larger errors, such as those of bright lights or NaN, are drawn at this value.
 const CEILING: f64 = 1.0;
 
 /// The mark of each precision.
@@ -88,7 +88,7 @@ fn entries<'a>(rows: impl Iterator<Item = &'a Accuracy>) -> Vec<Entry> {
 }
 
 fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result<(), PlotError> {
-    // The front of the stiffest of these scenes.
+    // The front is that of the scene which comes last, the most ill-conditioned one.
     let last = rows.last().map(|row| row.scene.as_str());
     let stiffest: Vec<&&Accuracy> = rows.iter().filter(|row| Some(row.scene.as_str()) == last).collect();
     let points: Vec<_> = stiffest.iter().map(|row| Point { error: row.error, time: row.ns_per_ray }).collect();
@@ -96,7 +96,8 @@ fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result
     on.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut steps: Vec<(f64, f64)> = Vec::new();
     for (x, y) in on {
-        // The step: up to this time the previous point is the best.
+        // Up to this time the previous point has the smallest error, so that the front is a
+        // staircase.
         let before = steps.last().map_or(3.0 * CEILING, |(_, y)| *y);
         steps.extend([(x, before), (x, y)]);
     }
@@ -113,7 +114,7 @@ fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result
         let colour = colour_of(&row.who.engine);
         series.push(Series::line(of().map(|row| point(row)), colour.mix(0.6), 1));
         let mark = PRECISIONS.iter().find(|(_, precision)| *precision == row.who.precision).map(|(mark, _)| *mark);
-        // The stiffer the scene, the larger its mark.
+        // The more ill-conditioned the scene, the larger its mark.
         let size = |row: &Accuracy| 3 + row.stiffness.unwrap_or(1) as i32;
         let marked = |row: &&Accuracy| Series {
             mark: mark.map(|mark| (mark, size(row))),

@@ -1,4 +1,5 @@
-//! The scenes to measure: the shipped ones, each family at three degrees, or the user's own.
+//! The scenes to measure: the shipped ones, each family at three degrees of ill-conditioning, or
+//! the user's own.
 
 use std::path::Path;
 
@@ -16,11 +17,12 @@ const SHIPPED: [(&str, &[u8]); 5] = [
 ];
 /// How many values of a family's parameter are measured.
 const LEVELS: usize = 3;
-/// The chosen values, and the variant, of families whose values are not in the order of stiffness,
-/// or some of whose values and variants show nothing.
+/// For some families, which of their values to measure, and in which variant: those whose values
+/// are not sorted by ill-conditioning, or some of whose values and variants show no error.
 const CHOSEN: [(&str, [usize; LEVELS], usize); 5] = [
-    // Variant 2 is the short side, tilted: a whole sliver is thinner than a pixel, and the t of an
-    // upright one is a whole number, which every formula gets right.
+    // Variant 2 shows the short side of a tilted sliver. A sliver seen as a whole is thinner than a
+    // pixel, and the t of one that is not tilted is a whole number, which every formula computes
+    // exactly.
     ("T1", [0, 3, 7], 2),
     // Up to an angle of 1e-7; at an angle of 0 there is nothing to hit.
     ("T3", [0, 3, 6], 0),
@@ -63,8 +65,8 @@ pub struct Subject {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OfFamily {
     pub id: &'static str,
-    /// How stiff the scene is: 0 ordinary, 1 between, 2 at the end of the range that is farther
-    /// from the ordinary.
+    /// How ill-conditioned the scene is: 0 ordinary, 1 intermediate, 2 at whichever end of the
+    /// range is farther from the ordinary value.
     pub stiffness: usize,
 }
 
@@ -77,8 +79,7 @@ pub fn shipped(name: &str) -> Scene {
     scene::parse(text, name).expect("a test has read it")
 }
 
-/// The shipped scenes, and every family that all engines can trace, at three values of its
-/// parameter.
+/// The shipped scenes, and three scenes of every family that all engines can trace.
 pub fn all(quick: bool) -> Vec<Subject> {
     let size = SIZES[usize::from(!quick)];
     let shipped = SHIPPED.iter().map(|(name, _)| Subject {
@@ -122,9 +123,8 @@ pub fn named(name: &str, quick: bool) -> Result<Vec<Subject>, SubjectError> {
     }
 }
 
-/// A family at its ordinary value, at the end of the range that is farther from that, and at a
-/// value between. Cases whose numbers are invalid in a scene are left out, since they have no
-/// picture.
+/// Three scenes of a family: at its ordinary value, at the end of the range that is farther from
+/// it, and at a value between. Values that no valid scene can have are left out.
 fn of_family(family: &'static Family, size: Size) -> Vec<Subject> {
     let (ordinary, last) = (family.ordinary, family.levels.len() - 1);
     let end = if ordinary > last - ordinary { 0 } else { last };
@@ -141,7 +141,7 @@ fn of_family(family: &'static Family, size: Size) -> Vec<Subject> {
     subjects.collect()
 }
 
-/// The scene in a smaller size, within the limits.
+/// The scene with a picture that is small enough for the limits.
 fn reduced(scene: Scene, size: Size) -> Scene {
     let camera = scene.camera;
     let objects = (scene.spheres.len() + scene.triangle_count()).max(1) as u64;

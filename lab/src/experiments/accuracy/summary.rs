@@ -1,4 +1,5 @@
-//! The results of each engine over all scenes, and why the program has those on no front.
+//! The results of each engine over all scenes, and why the program has engines that are on no
+//! Pareto front.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,5 @@
-//! Seeded inputs for every operation: random and special numbers, and cases as in pictures.
+//! Seeded inputs for every operation: random and special numbers, and inputs as they occur in
+//! pictures.
 
 use std::fmt::Debug;
 
@@ -19,7 +20,7 @@ pub enum Numbers {
     Integers,
     /// Any sign, any exponent from 2^-40 to 2^40.
     Magnitudes,
-    /// Any exponent at all, so that most products overflow or vanish.
+    /// Any exponent of f32, so that most products overflow or underflow.
     Extremes,
     /// Zeros, denormals, infinities, NaN and the like.
     Special,
@@ -41,7 +42,8 @@ impl Numbers {
         Numbers::Mixed,
     ];
 
-    /// Zeros, denormals, the ends of the normal numbers, roots of these, infinities and NaN.
+    /// Zeros, subnormal numbers, the ends of the normal range, numbers whose squares are at these
+    /// ends, infinities and NaN.
     const SPECIAL: [f32; 14] = [
         0.0,
         f32::from_bits(1),           // the smallest denormal
@@ -98,8 +100,8 @@ pub enum Input {
 }
 
 impl Input {
-    /// Random numbers of one source wherever `op` reads; the w of vectors is random too if `any_w`,
-    /// and otherwise 0.
+    /// An input whose numbers come from one source, wherever `op` reads. The w of vectors is random
+    /// too if `any_w`, and otherwise 0.
     pub fn random(op: OpRef, numbers: Numbers, any_w: bool, rng: &mut Rng) -> Input {
         let vector = |rng: &mut Rng| if any_w { numbers.lanes(rng) } else { numbers.vector(rng) };
         match op {
@@ -114,8 +116,7 @@ impl Input {
         }
     }
 
-    /// A case as it occurs in pictures: a ray that passes near an object, and a light in the
-    /// neighbourhood.
+    /// An input as it occurs in pictures: a ray that passes near an object, and a light nearby.
     pub fn aimed(op: OpRef, rng: &mut Rng) -> Input {
         let point = |rng: &mut Rng| Numbers::Ordinary.vector(rng);
         match op {
@@ -130,7 +131,7 @@ impl Input {
             }
             OpRef::Triangle(_) => {
                 let vertices = [0; 3].map(|_| point(rng));
-                // Barycentric coordinates from somewhat outside of the triangle to its inside.
+                // Barycentric coordinates of a point inside of the triangle or slightly outside.
                 let (u, v) = (rng.between(-0.2, 1.0), rng.between(-0.2, 1.0));
                 let weights = [u, v, 1.0 - u - v];
                 let mut target = Vec4::default();
@@ -155,12 +156,12 @@ impl Input {
     }
 }
 
-/// A sphere of no particular colour.
+/// A sphere; its colour does not matter.
 pub fn sphere(centre: Vec4, radius: f32) -> PaperSphere {
     PaperSphere { centre, colour: Vec4::new(0.25, 0.5, 1.0), radius, padding: [0.0; 3] }
 }
 
-/// A triangle of no particular colour.
+/// A triangle; its colour does not matter.
 pub fn triangle([v1, v2, v3]: [Vec4; 3]) -> PaperTriangle {
     PaperTriangle { v1, v2, v3, colour: Vec4::new(1.0, 0.5, 0.25) }
 }
@@ -169,7 +170,7 @@ fn scaled(v: Vec4, by: f32) -> Vec4 {
     Vec4::new(v.x * by, v.y * by, v.z * by)
 }
 
-/// An argument of an operation, or a part of one, in words.
+/// An argument of an operation, or a component of one, as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Argument {
     pub name: &'static str,
@@ -216,8 +217,8 @@ pub struct Case {
     pub numbers: Option<Numbers>,
 }
 
-/// Cases for `op`: `count` of each source of numbers with w = 0 and as many with any w, and four
-/// times `count` [aimed](Input::aimed) ones.
+/// Inputs for `op`: for each source of numbers `count` with w = 0 and as many with any w; and 4
+/// `count` that are [aimed](Input::aimed).
 pub fn cases(op: OpRef, count: u32, seed: u64) -> impl Iterator<Item = Case> {
     let mut rng = Rng::new(seed);
     let sources = Numbers::ALL.into_iter().flat_map(|numbers| [(numbers, false), (numbers, true)]);

@@ -13,8 +13,8 @@ pub fn of_macros(form: Form, name: &str, input: &Input) -> aos::Lanes {
     of_macros_on(form, name, &input.operands())
 }
 
-/// The expected result of a single-vector macro on operands that may be numbers, or expressions to
-/// be proved equal.
+/// The expected result of a single-vector macro on operands that are numbers, or symbolic
+/// expressions that are to be proved equal.
 ///
 /// # Panics
 /// For an operation without a twin, or with operands that are not its own.
@@ -46,7 +46,8 @@ pub enum Operands<S> {
     Lambert(aos::Surface<S>, aos::Light<S>),
 }
 
-/// The twin of LAMBERT, which adds to a given colour: here to 0, so that a result of -0 becomes 0.
+/// The twin of LAMBERT, which adds to a given colour. Here that is 0, so that a result of -0
+/// becomes 0.
 fn lambert_of_macros<S: Scalar>(
     form: Form,
     sides: u32,
@@ -86,7 +87,8 @@ pub fn twin_of_triangle(triangle: &PaperTriangle) -> aos::Triangle {
     aos::Triangle { vertices, colour: triangle.colour.lanes() }
 }
 
-/// SPHERE_HIT3: t, or infinity where the ray `d` misses, by the fields of SphereHit.
+/// SPHERE_HIT3: t, or infinity where the ray `d` misses. The second argument has the fields of
+/// `SphereHit`.
 fn t_of_sphere<L: Lanes>(d: [L; 3], [x, y, z, square, k]: [L; 5]) -> L {
     let c = [x, y, z];
     // VDIFFERENCE, which is Kahan's difference of products.
@@ -101,7 +103,8 @@ fn t_of_sphere<L: Lanes>(d: [L; 3], [x, y, z, square, k]: [L; 5]) -> L {
     t.greater(L::of(0.0)).select(t, L::of(f64::INFINITY))
 }
 
-/// TRIANGLE_HIT3: t, or infinity where the ray `d` misses, by the fields of TriangleHit.
+/// TRIANGLE_HIT3: t, or infinity where the ray `d` misses. The second argument has the fields of
+/// `TriangleHit`.
 fn t_of_triangle<L: Lanes>(d: [L; 3], [[x, y, z, k], edges @ ..]: [[L; 4]; 4]) -> L {
     let w = dot(d, [x, y, z]);
     let inside = edges.map(|[x, y, z, bound]| bound.greater(dot(d, [x, y, z])));
@@ -109,16 +112,16 @@ fn t_of_triangle<L: Lanes>(d: [L; 3], [[x, y, z, k], edges @ ..]: [[L; 4]; 4]) -
     hit.select(k / w, L::of(f64::INFINITY))
 }
 
-/// LAMBERT3: `colour` plus the light's contribution at the point `o` of a unit sphere about the
-/// origin; the light is an ObjectLight.
+/// LAMBERT3: `colour` plus the light's contribution at the point `o` of the unit sphere around the
+/// origin. The first argument has the fields of an `ObjectLight`.
 fn lambert<L: Lanes>([x, y, z, _, weights @ ..]: [L; 7], o: [L; 3], colour: [L; 3]) -> [L; 3] {
     let l = [x - o[0], y - o[1], z - o[2]];
     let cosine = (dot(o, l) / dot(l, l).sqrt()).max(L::of(0.0)).min(L::of(1.0));
     [0, 1, 2].map(|i| colour[i].fma(cosine, weights[i]))
 }
 
-/// The expected result of a packet macro for one vector in one lane, with the operations in the
-/// same order. `b` has the elements of the other operand, or of the record.
+/// The expected result of a packet macro for the vector in one lane, with the operations in the
+/// same order. `b` has the elements of the second operand, or of the record.
 ///
 /// # Panics
 /// For an operation without a twin.

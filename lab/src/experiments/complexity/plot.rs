@@ -18,8 +18,8 @@ pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {
         for (cell, axis) in area.split_evenly((down, across)).iter().zip(axes) {
             let mut of_axis: Vec<_> = lines(rows).into_iter().filter(|line| line[0].axis == axis).collect();
             if axis == Axis::Pixels {
-                // All engines in all pixel formats would be too many lines: only the fastest, which
-                // is the last one, is drawn.
+                // Lines for all engines in all pixel formats would be too many: only the fastest
+                // engine, the last one, is drawn.
                 let fastest = rows.iter().rfind(|row| row.axis == axis && row.engine != ZEROS).map(|row| &row.engine);
                 of_axis.retain(|line| line[0].engine == ZEROS || Some(&line[0].engine) == fastest);
             }
@@ -33,14 +33,14 @@ pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {
 
 fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), PlotError> {
     let point = |row: &&Growth| (row.count as f64, row.cycles_per_pixel());
-    // Each scene has a colour; its line by brute force is thinner.
+    // Each scene has a colour. Its line by brute force has the same colour and is thinner.
     let of_scene = |place: usize, scene: &str| {
         let others = lines[..place].iter().filter(|other| !other[0].keep_all && other[0].scene != *scene);
         COLOURS[others.count() % COLOURS.len()]
     };
     let entry = |(place, line): (usize, &Vec<&Growth>)| -> Entry {
         let Growth { scene, engine, output, keep_all, axis, .. } = line[0];
-        // The loop that only fills the film has the colour of the engine that writes the same pixel
+        // The loop that only fills the film has the colour of the engine's line in the same pixel
         // format.
         let of_output = |output: &str| PixelFormat::ALL.iter().position(|format| format.name() == output);
         let place = if *axis == Axis::Pixels { of_output(output).unwrap_or(place) } else { place };

@@ -5,8 +5,8 @@ use glam::Vec3A;
 use super::subjects::{COLOUR, Numbers, RADIUS, SCALAR, Subject, whole};
 use rayo::internals::reference::aos::{self, Form, Light, Sphere, Surface, Triangle};
 
-/// The scalar twin of the paper's macros, on four floats one after the other, unless the compiler
-/// vectorises it. None for an operation without such a twin.
+/// The scalar twin of the paper's macros: four floats are computed one after the other, unless the
+/// compiler vectorises them. None for an operation without such a twin.
 pub fn rust(op: &str) -> Option<Subject> {
     let vector = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
     let colour = vector(COLOUR);

@@ -14,23 +14,24 @@ const ITERATIONS: u32 = 100;
 /// llvm-mca's estimate for a body in a loop.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Model {
-    /// The modelled CPU by llvm-mca's name; `native` is this machine's, as far as that version
-    /// knows it.
+    /// The modelled CPU by llvm-mca's name. `native` is this machine's, or its nearest predecessor
+    /// that this version of llvm-mca knows.
     pub cpu: Name,
-    /// Cycles per pass when passes follow each other with the dependences that their registers
-    /// cause.
+    /// Cycles per pass when pass follows pass, with the dependences between passes that their
+    /// registers cause.
     pub cycles: f64,
     /// The least cycles per pass that the CPU's execution resources allow.
     pub throughput: f64,
 }
 
 /// The CPUs to model, in order of preference. A version of llvm-mca that is older than this
-/// machine's CPU takes it for a predecessor, which may lack AVX-512; then another CPU's model has
-/// to serve.
+/// machine's CPU takes `native` for a predecessor, which may lack AVX-512; then the model of
+/// another CPU is used.
 const CPUS: [&str; 3] = ["native", "znver4", "icelake-server"];
 
-/// The estimate for this machine's CPU, or for the first of [`CPUS`] that has the instructions;
-/// None without llvm-mca, and for bodies that jump or name a symbol, which it cannot follow.
+/// The estimate for this machine's CPU, or for the first of [`CPUS`] that has the body's
+/// instructions. None without llvm-mca, and for bodies with a jump or a symbol, which llvm-mca
+/// cannot follow.
 pub fn estimate(body: &[Instruction]) -> Option<Model> {
     if body.is_empty() || body.iter().any(|i| i.class == Class::Branch) {
         return None;
@@ -57,10 +58,10 @@ fn ask(cpu: &'static str, source: &str) -> Option<Model> {
         .stderr(Stdio::piped())
         .spawn()
         .ok()?;
-    // If llvm-mca closed the pipe early, its exit status and output show that.
+    // If llvm-mca closed the pipe early, its exit status and its output will show it.
     let _ = child.stdin.take()?.write_all(source.as_bytes());
     let output = child.wait_with_output().ok().filter(|output| output.status.success())?;
-    // It ignores an unknown CPU and only prints this message.
+    // For an unknown CPU llvm-mca prints only this message, and models another CPU.
     if String::from_utf8_lossy(&output.stderr).contains("not a recognized processor") {
         return None;
     }

@@ -29,7 +29,7 @@ fn colour(implementation: &str) -> RGBColor {
     }
 }
 
-/// An operation of an implementation that is shown.
+/// A point of the figure: an operation of an implementation.
 struct Point<'a> {
     op: &'a str,
     implementation: &'a str,
@@ -74,7 +74,7 @@ fn chart(points: &[Point<'_>]) -> LogChart<'static> {
         let mark = Some((*mark, if *mark == Mark::Square { 4 } else { 5 }));
         series.push(Series { mark, ..Series::line([*at], colour(implementation), 0) });
         if ["c-O3", "paper"].contains(implementation) {
-            // Operations at nearly the same place of the figure share a label.
+            // Operations at nearly the same position share a label.
             let same = |(_, (x, y)): &&mut (String, (f64, f64))| *x == at.0 && (y.ln() - at.1.ln()).abs() < 0.1;
             match names.iter_mut().find(same) {
                 Some((names, _)) => *names += &format!(", {op}"),

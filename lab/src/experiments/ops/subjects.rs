@@ -23,15 +23,16 @@ pub struct Subject {
     pub paths: Vec<&'static str>,
     /// Calls the function once with the operands of a path, and returns some bits of the result.
     pub run: Box<dyn Fn(usize) -> u32>,
-    /// Core cycles of a call on the first path, the fewest of so many measurements: its latency,
-    /// and the cycles per call of independent calls. None for an impossible measurement.
+    /// Core cycles of a call on the first path: its latency, and the cycles per call of independent
+    /// calls, each the fewest of as many measurements as the argument says. None for a measurement
+    /// that is impossible.
     pub cost: Box<dyn Fn(u32) -> [Option<f64>; 2]>,
 }
 
 impl Subject {
-    /// A subject for a function that computes `op`, with operands for each path. They are in a
-    /// vector on the heap: the compiler would know which element of an array of length one is
-    /// selected, whatever the result, and so break the dependence.
+    /// A subject for a function that computes `op`, with operands for each path. The operands are
+    /// in a vector on the heap: of an array of length one the compiler would know that every index
+    /// selects the same element, and would so remove the dependence on the previous result.
     fn new<T: 'static>(
         address: usize,
         op: &str,
@@ -47,11 +48,11 @@ impl Subject {
     }
 }
 
-/// See [`Subject::cost`]; `call` calls the function with the operands of a path, and returns some
-/// bits of the result. It is compiled for each function, since a call through a pointer would cost
-/// cycles of its own.
+/// Measures [`Subject::cost`]. `call` calls the function with the operands of a path, and returns
+/// some bits of the result. This function is compiled for each `call`, since a call through a
+/// pointer would cost cycles of its own.
 fn cost_of(call: &impl Fn(usize) -> u32, repeats: u32) -> [Option<f64>; 2] {
-    // The compiler must not know that every result selects the first operands.
+    // The compiler must not know that every result selects the operands at index 0.
     let nothing = black_box(0);
     let latency = core_cycles(repeats, super::LEAST_CYCLES, || {
         let mut bits = 0;
@@ -80,8 +81,8 @@ pub(super) const COLOUR: [f32; 3] = [1.0, 0.5, 0.25];
 
 const AHEAD: [f32; 3] = [0.0, 0.0, 1.0];
 pub(super) const RADIUS: f32 = 1.0;
-/// The paths of a ray straight ahead through a sphere test, each with the centre of a sphere of
-/// radius 1.
+/// The paths through a sphere test, each with the centre of a sphere of radius 1 that the ray
+/// straight ahead is tested against.
 const SPHERES: [(&str, [f32; 3]); 5] = [
     ("two roots", [0.0, 0.0, 4.0]),
     ("miss", [3.0, 0.0, 4.0]),
@@ -90,7 +91,7 @@ const SPHERES: [(&str, [f32; 3]); 5] = [
     ("from inside", [0.0, 0.0, 0.5]),
 ];
 
-/// An upper bound on the components of the rays of these cases.
+/// An upper bound on the components of the rays in `SPHERES` and `TRIANGLES`.
 const REACH: [f64; 3] = [1.0; 3];
 const FACING: [[f32; 3]; 3] = [[-1.0, -1.0, 4.0], [1.0, -1.0, 4.0], [0.0, 1.0, 4.0]];
 const EDGE_ON: [[f32; 3]; 3] = [[-1.0, -1.0, 3.0], [1.0, -1.0, 3.0], [0.0, -1.0, 5.0]];
@@ -110,11 +111,11 @@ const NORMAL: [f32; 3] = [0.0, 0.6, -0.8];
 /// The paths through shading, each with the position of its light.
 const LIGHTS: [(&str, [f32; 3]); 2] = [("lit", [3.0, 5.0, -2.0]), ("turned away", [3.0, -5.0, 8.0])];
 
-/// The numbers from which an implementation makes its operands: two vectors; or a ray with a
-/// sphere's centre or a triangle's vertices; or a point, its normal, and a light's position.
+/// Four vectors from which every implementation makes its operands: two vectors; or a ray with a
+/// sphere's centre or a triangle's vertices; or a point, its normal and a light's position.
 pub(super) type Numbers = [[f32; 3]; 4];
 
-/// For each path through an operation, the common one first, a description and the operands.
+/// For each path through an operation a description and the operands; the common path comes first.
 fn cases(op: &str) -> Vec<(&'static str, Numbers)> {
     let none = [0.0; 3];
     match op {
@@ -125,7 +126,7 @@ fn cases(op: &str) -> Vec<(&'static str, Numbers)> {
     }
 }
 
-/// A result whose first number can be taken.
+/// A result from which the first number can be taken.
 pub(super) trait First: Copy + Default + 'static {
     fn first(self) -> f32;
 
@@ -158,7 +159,7 @@ impl First for Vec3A {
     }
 }
 
-/// An operation on one packet of f32 with equal lanes.
+/// An operation on a packet of f32 whose lanes are all equal.
 pub(super) fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
     let ops = packet_ops::<f32>(isa).ok_or_else(|| format!("this CPU does not run {isa}"))?;
     let op = ops.iter().find(|o| o.name == op).ok_or("there is no such operation on packets")?;
@@ -168,7 +169,8 @@ pub(super) fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
         "sphere" => (spread(a), sphere_hit::<f32>(b.map(f64::from), RADIUS.into()).record.numbers()),
         "triangle" => (spread(a), triangle_hit::<f32>([b, c, d].map(|v| v.map(f64::from)), REACH).record.numbers()),
         "lambert" => {
-            // Relative to the centre of a unit sphere, where the normal equals the point.
+            // The point is relative to the centre of a unit sphere, so that the normal equals the
+            // point.
             let [x, y, z] = [0, 1, 2].map(|i| c[i] - a[i] + b[i]);
             let [red, green, blue] = COLOUR;
             (spread(b), ObjectLight { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.numbers())
@@ -212,7 +214,7 @@ pub(super) fn assembly(name: &str, kernels: &'static kernels::AosKernels) -> Res
     Ok(operation(name, op))
 }
 
-/// A function with the convention of those in NASM, for the operation `name`.
+/// A subject for a function with the calling convention of those in NASM, for the operation `name`.
 pub(super) fn operation(name: &str, op: OpRef) -> Subject {
     fn of<X: Plain, Y: Plain, O: Plain + First>(
         name: &str,
@@ -261,7 +263,7 @@ pub(super) fn c(op: &str, functions: &'static ByValue) -> Option<Subject> {
     })
 }
 
-/// A function in Rust that is not inlined, with the signature of those in NASM: out, a, b.
+/// A function in Rust that is not inlined, with the parameters of those in NASM: out, a, b.
 pub(super) fn whole<X: 'static, Y: 'static, O: First>(
     op: &str,
     operands: impl Fn(Numbers) -> (X, Y),
@@ -274,7 +276,7 @@ pub(super) fn whole<X: 'static, Y: 'static, O: First>(
     })
 }
 
-/// A function by calls of it with `operands`, to be timed with these alone.
+/// A subject for a function that is timed by `call` with these operands alone.
 pub(super) fn of_calls<T: Clone + 'static>(address: usize, operands: T, call: impl Fn(&T) -> u32 + 'static) -> Subject {
     Subject::new(address, "", |_| operands.clone(), call)
 }

@@ -1,4 +1,4 @@
-//! An operation of a user beside ours: contestants that are timed in turns.
+//! Times a user's operation and ours in turns.
 
 use super::subjects::{Subject, of_calls, operation};
 use super::{code, subject};
@@ -6,16 +6,16 @@ use crate::measure::instructions::Mix;
 use rayo::internals::kernels::step::{self, Unavailable};
 use rayo::internals::kernels::{OpRef, sys};
 
-/// The implementations that a user's function is held against.
+/// The implementations that a user's function is compared with.
 pub const AGAINST: [&str; 4] = ["paper", "aos", "c-O3", "glam"];
-/// The name of the user's own.
+/// The name of the user's own function.
 pub const YOURS: &str = "yours";
 
 /// How many times each contestant is timed, and how many measurements each time has.
 const ROUNDS: u32 = 5;
 const REPEATS: u32 = 5;
 
-/// A function that takes part.
+/// A function that is timed.
 pub struct Contestant {
     pub name: &'static str,
     subject: Subject,
@@ -35,21 +35,21 @@ impl Contestant {
         Contestant { name: YOURS, subject: operation(name, op) }
     }
 
-    /// A user's function by calls of it with `operands`, each of which returns some bits of the
+    /// A user's function that is called by `call` with `operands`, which returns some bits of the
     /// result.
     pub fn of_calls<T: Clone + 'static>(address: usize, operands: T, call: impl Fn(&T) -> u32 + 'static) -> Self {
         Contestant { name: YOURS, subject: of_calls(address, operands, call) }
     }
 
-    /// Ours for an operation: those that run here.
+    /// Our implementations of an operation that run on this CPU.
     pub fn ours(name: &str) -> Vec<Self> {
         let contestant =
             |implementation| Some(Contestant { name: implementation, subject: subject(name, implementation).ok()? });
         AGAINST.into_iter().filter_map(contestant).collect()
     }
 
-    /// Instructions that a call executes, and how often each byte of the function's first `bytes`
-    /// begins one.
+    /// The number of instructions that a call executes, and for each of the function's first
+    /// `bytes` bytes how often an instruction that begins there was executed.
     ///
     /// # Errors
     /// If nothing can be single-stepped here.
@@ -77,7 +77,8 @@ pub fn costs(contestants: &[Contestant]) -> Vec<Cost> {
     costs
 }
 
-/// The instructions of one of [`AGAINST`]: of the function, and of its body.
+/// The instructions of an implementation in [`AGAINST`]: those of the function, and those of its
+/// body.
 pub fn instructions(op: &str, implementation: &str) -> Option<(Mix, Option<Mix>)> {
     let code = code(op, implementation, subject(op, implementation).ok().as_ref())?;
     Some((code.function(), code.body()))

@@ -1,4 +1,4 @@
-//! Macros of the tracers by themselves as subjects of proofs: each with its inputs and its twin.
+//! Single macros of the tracers as subjects of proofs, each with its inputs and its twin.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -19,7 +19,7 @@ use rayo::internals::kernels::{
 };
 use rayo::internals::render::Precision;
 
-/// The macros that a function of asm/ops/alone.asm is made of.
+/// The macros that a function of asm/ops/alone.asm consists of.
 fn macros_of(name: &str) -> &'static [&'static str] {
     match name {
         "cross3_unfused" => &["CROSS3_UNFUSED"],
@@ -52,13 +52,13 @@ fn macros_of(name: &str) -> &'static [&'static str] {
     }
 }
 
-/// All fields of a record of at most this many bytes are inputs of a proof; of a larger one, only
-/// those that the twin reads.
+/// Of a record of at most this many bytes all fields are inputs of a proof; of a larger one, only
+/// the fields that the twin reads.
 const MOST_FIELDS: usize = 256;
 
-/// The arguments of a twin: packets by their index (`a`), and the numbers of a record by their
-/// offsets, in the format of elements (`number`) or, for some even where elements are f64, in f32
-/// (`single`).
+/// The arguments of a twin: packets by their index (`a`), and the numbers of a record by their byte
+/// offsets. `number` reads a number in the format of the elements, `single` one that is f32 even
+/// where elements are f64.
 struct Arguments<'a, L: Lanes> {
     a: &'a dyn Fn(usize) -> L,
     number: &'a dyn Fn(usize) -> L::Number,
@@ -71,8 +71,8 @@ impl<L: Lanes> Arguments<'_, L> {
     }
 }
 
-/// Makes a record. The fields named are numbers of the arguments, and the others are 0. With `first
-/// of` the fields are arrays, of which only the first element is set.
+/// Makes a record whose named fields are numbers of the arguments, and whose other fields are 0.
+/// With `first of` the fields are arrays, of which only the first element is set.
 macro_rules! record {
     ($arguments:ident, $type:ty: $($field:ident)*) => {{
         let mut record = <$type>::ZERO;
@@ -226,19 +226,19 @@ fn of_double<S: Lanes<Number = f64>, P: Lanes<Number = f64>>(alone: &'static Alo
 
 type Twin<L> = fn(&str, &Arguments<'_, L>) -> Vec<L>;
 
-/// A number of a record.
+/// A number in a record, by its place.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Field {
     offset: usize,
     bytes: usize,
 }
 
-/// The name of a record's number as an input.
+/// The name of the input that is a number of the record.
 fn field_name(offset: usize) -> String {
     format!("record{offset}")
 }
 
-/// The name of a lane of an input packet.
+/// The name of the input that is a lane of a packet.
 fn lane_name(packet: usize, lane: usize) -> String {
     format!("a{packet}@{lane}")
 }
@@ -248,8 +248,8 @@ fn lane_offset(alone: &Alone, packet: usize, lane: usize) -> usize {
     packet * alone.packet_bytes() + lane * alone.element
 }
 
-/// Makes a subject from its twin over symbols, to be compared, and the same twin over numbers,
-/// which shows what it reads of the record.
+/// Makes a subject from a twin over symbols, which is compared with the code, and the same twin
+/// over numbers, which shows what it reads of the record.
 fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
     alone: &'static Alone,
     twin: Twin<S>,
@@ -257,7 +257,8 @@ fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
 ) -> Subject {
     let lanes = alone.packet_bytes() / alone.element;
     let name = alone.name;
-    // IF_OUTSIDE_TRIANGLE and IF_OUTSIDE_SPHERE jump, and so decide for the first lane only.
+    // IF_OUTSIDE_TRIANGLE and IF_OUTSIDE_SPHERE jump, and therefore decide for the first lane
+    // alone.
     let compared_lanes = if name.starts_with("outside") { 1 } else { lanes };
     let fields = fields_read::<E, P>(alone, on_numbers);
     let mut inputs = Vec::new();
@@ -301,7 +302,7 @@ fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
 }
 
 /// The numbers of the record that a function may read: those that its twin reads and, of a small
-/// record, all, since the function may read some on which its result does not depend.
+/// record, all others too, since the function may read numbers on which its result does not depend.
 fn fields_read<E: Carrier, P: Lanes<Number = E>>(alone: &Alone, twin: Twin<P>) -> Vec<Field> {
     let read = RefCell::new(BTreeSet::new());
     let single = |offset: usize| -> f32 {
@@ -321,8 +322,8 @@ fn fields_read<E: Carrier, P: Lanes<Number = E>>(alone: &Alone, twin: Twin<P>) -
     fields.into_iter().collect()
 }
 
-/// Calls a function on inputs, whose bits `given` has by their names, and returns the bits of its
-/// results in the first lanes, as many as are compared.
+/// Calls a function on inputs, whose bits `given` gives by their names. Returns the bits of its
+/// results in the first `compared_lanes` lanes.
 fn call_on_bits(alone: &Alone, fields: &[Field], compared_lanes: usize, given: &dyn Fn(&str) -> u64) -> Vec<u64> {
     let mut record = vec![0; alone.record];
     for &Field { offset, bytes } in fields {

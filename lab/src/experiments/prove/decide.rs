@@ -5,18 +5,18 @@ use std::collections::{BTreeMap, HashMap};
 use super::graph::{self, Expression, Lemma, Node};
 use super::symbol::{Condition, Path};
 
-/// The assumptions of a case: comparisons, and whether each holds.
+/// The assumptions of a case: for each of some comparisons whether it holds.
 pub type Facts = BTreeMap<Node, bool>;
 
-/// Cases of one proof, beyond which it is given up.
+/// How many cases a proof may have before it is given up.
 const MOST_CASES: usize = 2_000;
 
 /// Why two computations are not proved to be equal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Difference {
-    /// They differ where these facts hold, if there is an input for which they do.
+    /// The results differ where these facts hold, provided that some input fulfils them.
     Under(Facts),
-    /// There are too many cases.
+    /// There are more than [`MOST_CASES`] cases.
     Cases,
 }
 
@@ -36,9 +36,9 @@ pub fn compare(machine: &[Path], twin: &[Path]) -> Result<usize, Difference> {
     Ok(pairs)
 }
 
-/// The comparisons that hold, or fail, where all of these conditions hold; None if no input meets
-/// all of them. A condition that holds in either of two cases gives no fact: with fewer facts a
-/// proof is harder, and no less sound.
+/// The comparisons that hold, or do not hold, where all of these conditions do; None if no input
+/// meets all conditions. A condition that either of two comparisons can fulfil gives no fact: with
+/// fewer facts a proof is harder to find, but no less sound.
 fn facts_of(conditions: &[Condition]) -> Option<Facts> {
     let mut facts = Facts::new();
     let mut open = conditions.to_vec();
@@ -56,7 +56,7 @@ fn facts_of(conditions: &[Condition]) -> Option<Facts> {
     (!is_contradiction(&facts)).then_some(facts)
 }
 
-/// Whether comparisons of the same two numbers exclude each other.
+/// Whether facts about the same two numbers contradict each other.
 fn is_contradiction(facts: &Facts) -> bool {
     let holds = |condition: Node| facts.get(&condition) == Some(&true);
     let fails = |condition: Node| facts.get(&condition) == Some(&false);
@@ -68,13 +68,13 @@ fn is_contradiction(facts: &Facts) -> bool {
                 || holds(graph::equal(a, b))
         }
         Expression::Equal(a, b) if is_true => fails(graph::less_or_equal(a, b)) || fails(graph::less_or_equal(b, a)),
-        // a <= b means that a < b or a = b: not both of these can fail.
+        // a <= b means that a < b or a = b, so that not both can be false.
         Expression::LessOrEqual(a, b) if is_true => fails(graph::less(a, b)) && fails(graph::equal(a, b)),
         _ => false,
     })
 }
 
-/// Whether each condition can be as stated: whether no other facts decide it the other way.
+/// Whether the facts are compatible with all conditions: none of these is decided the other way.
 fn agrees(conditions: &[Condition], facts: &Facts) -> bool {
     conditions.iter().all(|&Condition { node: condition, holds }| {
         let mut others = facts.clone();
@@ -83,8 +83,8 @@ fn agrees(conditions: &[Condition], facts: &Facts) -> bool {
     })
 }
 
-/// Compares results where facts hold. If two of them differ and contain a comparison that the facts
-/// leave open, this compares them in both cases of it.
+/// Compares results under some facts. If two results differ and contain a comparison that the facts
+/// do not decide, it compares them again under both answers to that comparison.
 fn equal(ours: &[Node], theirs: &[Node], facts: &Facts, cases: &mut usize) -> Result<(), Difference> {
     *cases += 1;
     if *cases > MOST_CASES {
@@ -111,7 +111,7 @@ fn equal(ours: &[Node], theirs: &[Node], facts: &Facts, cases: &mut usize) -> Re
     Ok(())
 }
 
-/// A comparison in an expression that contains no other comparison.
+/// A comparison in an expression, one that contains no other comparison.
 fn innermost_comparison(of: Node) -> Option<Node> {
     use Expression::{Equal, Less, LessOrEqual};
     let is_comparison = |node: &Node| matches!(node.expression(), Less(..) | LessOrEqual(..) | Equal(..));
@@ -119,7 +119,7 @@ fn innermost_comparison(of: Node) -> Option<Node> {
     of.all().into_iter().filter(is_comparison).min()
 }
 
-/// An expression simplified by facts; where they make it NaN, it becomes NaN.
+/// An expression simplified by facts. If they make it NaN, it becomes NaN.
 fn simplified(of: Node, facts: &Facts, known: &mut HashMap<Node, Node>) -> Node {
     use Expression::*;
     if let Some(&known) = known.get(&of) {

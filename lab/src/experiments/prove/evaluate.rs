@@ -1,4 +1,4 @@
-//! Evaluates expressions with numbers for the inputs, by the arithmetic of the model of the CPU.
+//! Evaluates expressions for given inputs, by the arithmetic of the model of the CPU.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,8 @@ use super::graph::{self, Expression, Logic, Node};
 use super::symbol::Path;
 use crate::experiments::step::model::{self, Float};
 
-/// The bits of a symbol that is no argument, such as a register that the caller did not set: a NaN.
+/// The bits of a symbol that is no argument, such as a register that the caller did not set: they
+/// are a NaN.
 const UNSET: u64 = 0x7fc0_dead;
 
 /// Evaluates expressions for given inputs.
@@ -21,7 +22,7 @@ impl<'a> Evaluator<'a> {
         Evaluator { inputs, known: HashMap::new() }
     }
 
-    /// The results of the one path whose conditions hold; None if there is none.
+    /// The results along the path whose conditions hold; None if there is no such path.
     pub fn results(&mut self, paths: &[Path]) -> Option<Vec<u64>> {
         let taken = paths.iter().find(|path| {
             path.conditions.iter().all(|condition| self.bits(condition.node) == u64::from(condition.holds))
@@ -29,7 +30,7 @@ impl<'a> Evaluator<'a> {
         Some(taken.results.iter().map(|node| self.bits(*node)).collect())
     }
 
-    /// The bits of an expression; 1 or 0 of a condition.
+    /// The value of a node: the bits of an expression, or 1 or 0 for a condition.
     pub fn bits(&mut self, node: Node) -> u64 {
         if let Some(&known) = self.known.get(&node) {
             return known;

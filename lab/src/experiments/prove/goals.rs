@@ -1,15 +1,15 @@
 //! Bounds of rounding errors that need more than counting, as goals for Gappa and Sollya.
 //!
-//! The goals are the files of `proofs`. A file has names in place of the constants that it is
-//! about, such as `$error`; they are filled in from the source that uses the constants, so that
-//! proof and code cannot drift apart. Where a goal holds over a set that is no box, it has a case
-//! for each of the boxes that cover the set.
+//! The goals are files in `proofs`. In place of the constants that it is about a file has names,
+//! such as `$error`; the constants of the source are filled in for them, so that proof and code
+//! cannot drift apart. Where a goal holds over a set that is no box, it has a case for each of the
+//! boxes that cover the set.
 
 use super::rounding::Bound;
 use rayo::internals::kernels::harness::set_up::PRODUCT_ROUNDING;
 use rayo::internals::plan::{BOX_MARGIN, EDGE_ROUNDINGS, INVERSE_ROUNDINGS, STEEPEST};
 
-/// In how many parts a set is cut along each axis by the boxes that cover it.
+/// Into how many parts the boxes that cover a set divide it along each axis.
 const PARTS: u32 = 8;
 
 /// The width of the largest picture, and its height.
@@ -21,17 +21,17 @@ const HALF_TILE: f64 = 32.0;
 /// A goal of a prover.
 pub struct Goal {
     pub bound: Bound,
-    /// What the bound's unit is worth in the file.
+    /// The value of the bound's unit in the numbers of the file.
     unit: f64,
     /// The file in `proofs`, and its text.
     pub file: &'static str,
     template: &'static str,
-    /// What stands for the names of the file in each case, other than `$error`.
+    /// For each case what replaces the names in the file other than `$error`.
     cases: Vec<Vec<(&'static str, f64)>>,
 }
 
 impl Goal {
-    /// The text of every case, which claims an error of at most `needed`, in the bound's unit.
+    /// The text of every case, which claims an error of at most `needed` in the bound's unit.
     pub fn texts(&self, needed: f64) -> Vec<String> {
         let error = ("$error", needed * self.unit);
         let fill = |case: &Vec<(&str, f64)>| {
@@ -42,8 +42,8 @@ impl Goal {
     }
 }
 
-/// The corners of boxes that cover all points whose coordinates are not negative and have at most
-/// the sum 1. Of those that are cut from the cube these are the ones that no other contains.
+/// The upper corners of boxes at the origin that cover the simplex x_i >= 0, sum x_i <= 1. The unit
+/// cube is cut into [`PARTS`] parts per axis; these are the boxes that no other box contains.
 fn cover<const AXES: usize>() -> Vec<[f64; AXES]> {
     let mut corners = vec![[1; AXES]];
     for axis in 0..AXES {
@@ -58,7 +58,8 @@ fn cover<const AXES: usize>() -> Vec<[f64; AXES]> {
     corners.into_iter().map(|corner| corner.map(|n| f64::from(n) / f64::from(PARTS))).collect()
 }
 
-/// The cases of an edge over a tile: |E0| + 32 |EX| + 32 |EY| is at most 2^24 over the constant.
+/// The cases of an edge over a tile, whose coefficients satisfy |E0| + 32 |EX| + 32 |EY| <= 2^24 /
+/// EDGE_ROUNDINGS.
 fn cases_of_edge() -> Vec<Vec<(&'static str, f64)>> {
     let most = f64::from(1 << 24) / EDGE_ROUNDINGS;
     let case = |[first, across, down]: [f64; 3]| {
@@ -67,8 +68,8 @@ fn cases_of_edge() -> Vec<Vec<(&'static str, f64)>> {
     cover().into_iter().map(case).collect()
 }
 
-/// The cases of 1/t over a tile, whose 1/t is from 1 to 2: its greatest changes across and down
-/// have a limit together.
+/// The cases of 1/t over a tile, where 1/t is from 1 to 2. Its greatest changes across and down
+/// have a common limit.
 fn cases_of_inverse() -> Vec<Vec<(&'static str, f64)>> {
     let [of_itself, of_across, of_down] = INVERSE_ROUNDINGS;
     let most = STEEPEST - of_itself;
@@ -78,7 +79,7 @@ fn cases_of_inverse() -> Vec<Vec<(&'static str, f64)>> {
     cover().into_iter().map(case).collect()
 }
 
-/// A goal with one case, which has no names but `$error`.
+/// A goal with a single case and no names but `$error`.
 macro_rules! goal {
     ($file:literal, $unit:expr, $bound:expr) => {
         goal!($file, $unit, $bound, vec![vec![]])

@@ -1,18 +1,19 @@
 //! Numbers as expressions over inputs, each kept once, by rules that IEEE 754 makes exact.
 //!
-//! A node stands for the results of its operations for all values of the inputs, up to which NaN a
-//! NaN is. Each rule below replaces an expression by an equal one, so that two computations whose
-//! nodes are the same are equal for all inputs. Rules that hold only in some places are lemmas:
-//! each use is counted, and [`reads_bits_of_results`] finds the places where they would not hold.
+//! A node stands for the result of its operations for all values of the inputs; which NaN a NaN is,
+//! it leaves open. Each rule below replaces an expression by an equal one, so that two computations
+//! whose nodes are the same are equal for all inputs. A rule that holds only for some inputs or
+//! uses is a lemma: its uses are counted, and [`reads_bits_of_results`] finds the places where it
+//! would not hold.
 //!
-//! The graph belongs to the thread, so that nodes can be plain numbers and have operators.
+//! The graph is local to a thread, so that nodes can be plain numbers with operators.
 
 use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 
 use crate::experiments::step::model::{Float, Number, Rounding, float, holds};
 
-/// An expression, by its place in the graph of this thread.
+/// An expression, by its index in the graph of this thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Node(u32);
 
@@ -33,18 +34,18 @@ pub enum Expression {
     Root(Node),
     Negate(Node),
     Magnitude(Node),
-    /// The magnitude of the first with the sign of the second.
+    /// The magnitude of the first number with the sign of the second.
     CopySign(Node, Node),
-    /// The sign bit alone.
+    /// The sign bit of a number, and no other bit.
     Sign(Node),
-    /// The first, negated where the second has its sign bit.
+    /// The first number, negated where the second has its sign bit set.
     FlipSign(Node, Node),
     Round(Rounding, Node),
-    /// A number of the other format.
+    /// A number converted to the other format.
     Convert(Node),
     /// The first number where the condition holds, else the second.
     Select(Node, Node, Node),
-    /// A bitwise operation that no rule replaces by one on numbers.
+    /// A bitwise operation that no rule turns into an operation on numbers.
     Bits(Logic, Node, Node),
     /// The lower (false) or upper half of a double.
     Half(Node, bool),
@@ -71,24 +72,25 @@ pub enum Logic {
     Xor,
 }
 
-/// A rule that does not hold for all bits, but holds in the places where it is used.
+/// A rule that does not hold for all numbers, but does in the places where it is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Lemma {
-    /// A root has no sign bit, so that `or` gives it a sign. It is false of -0 alone, whose root is
-    /// -0; but in h + root, with the sign of h, the two zeros give the same sum.
+    /// The sign bit of a root is 0, so that `or` can give the root a sign. This is false only of
+    /// the root of -0, which is -0. But where the sum h + root is formed, with the sign of h, both
+    /// zeros give the same sum.
     RootHasNoSign,
-    /// The root of what is not at least 0 is NaN, and so is what is computed with it; no comparison
+    /// The root of a number below 0 is NaN, and so is whatever is computed from it; no comparison
     /// with it holds.
     RootOfLessIsNan,
-    /// Adding 0 to a sum changes nothing but the sign of a sum that is 0, which no comparison
-    /// depends on.
+    /// Adding 0 to a sum changes at most the sign of a sum that is 0, and no comparison depends on
+    /// that.
     ZeroHasNoEffect,
 }
 
 impl Lemma {
     pub const ALL: [Lemma; 3] = [Lemma::RootHasNoSign, Lemma::RootOfLessIsNan, Lemma::ZeroHasNoEffect];
 
-    /// Its name in lists.
+    /// The name of the lemma in lists.
     pub fn name(self) -> &'static str {
         match self {
             Lemma::RootHasNoSign => "root-has-no-sign",
@@ -151,7 +153,7 @@ fn condition(expression: Expression) -> Node {
     node(Number::Single, expression)
 }
 
-/// The constant of a format that has all bits set.
+/// The constant of a format whose bits are all set.
 fn ones(format: Number) -> u64 {
     u64::MAX >> (64 - 8 * format.bytes())
 }
@@ -170,7 +172,7 @@ impl Node {
         GRAPH.with_borrow(|graph| graph.nodes[self.0 as usize].1)
     }
 
-    /// The format of a number, or of those that a comparison compares.
+    /// The format of a number or, for a comparison, of its operands.
     pub fn format(self) -> Number {
         GRAPH.with_borrow(|graph| graph.nodes[self.0 as usize].0)
     }
@@ -183,7 +185,7 @@ impl Node {
         }
     }
 
-    /// Whether it is NaN for all inputs.
+    /// Whether the result is NaN for all inputs.
     pub fn is_nan(self) -> bool {
         match self.expression() {
             Nan => true,
@@ -192,7 +194,7 @@ impl Node {
         }
     }
 
-    /// The nodes that it is computed from.
+    /// The nodes that this one is computed from.
     pub fn operands(self) -> Vec<Node> {
         match self.expression() {
             Constant(_) | Input(_) | Nan | True => vec![],
@@ -212,7 +214,7 @@ impl Node {
         }
     }
 
-    /// The node and all those that it depends on, each once.
+    /// This node and all nodes that it depends on, each once.
     pub fn all(self) -> Vec<Node> {
         let mut found = HashSet::from([self]);
         let mut open = vec![self];
@@ -224,7 +226,7 @@ impl Node {
         all
     }
 
-    /// The node without its negation, if it has one.
+    /// The operand of a negation; any other node itself.
     fn stripped(self) -> Node {
         match self.expression() {
             Negate(a) => a,
@@ -260,7 +262,7 @@ pub fn nan(format: Number) -> Node {
     node(format, Nan)
 }
 
-/// The result for constants, by the model of the CPU; None if an operand is not constant.
+/// The result for constant operands, by the model of the CPU; None if an operand is not constant.
 fn folded(format: Number, operation: Float, operands: &[Node]) -> Option<Node> {
     let bits = operands.iter().map(|operand| operand.constant()).collect::<Option<Vec<_>>>()?;
     Some(constant(format, float(format, operation, &bits, || 0)))
@@ -285,7 +287,8 @@ pub fn subtract(a: Node, b: Node) -> Node {
     add(a, negate(b))
 }
 
-/// a b = b a; signs move out of products; and 1 with a sign gives that sign to the other.
+/// a b = b a. Signs move out of products, and a factor of 1 with a sign gives that sign to the
+/// other factor.
 pub fn multiply(a: Node, b: Node) -> Node {
     let format = a.format();
     if any_nan(&[a, b]) {
@@ -319,8 +322,8 @@ pub fn divide(a: Node, b: Node) -> Node {
     negate_if(is_negative, node(format, Divide(a.stripped(), b.stripped())))
 }
 
-/// a b + c, or c - a b, rounded once. Signs move out of the product, but not out of the sum: of a
-/// sum that is 0 they would turn the sign.
+/// a b + c, or c - a b, rounded once. Signs move out of the product, but not out of the sum: if the
+/// sum is 0, they would change its sign.
 pub fn fma(a: Node, b: Node, c: Node, is_negative: bool) -> Node {
     let format = a.format();
     if any_nan(&[a, b, c]) {
@@ -364,7 +367,8 @@ pub fn convert(a: Node) -> Node {
     }
 }
 
-/// -(-a) = a, and a negation of a choice with a constant is a choice of negations.
+/// -(-a) = a. The negation of a choice one of whose numbers is constant becomes a choice of
+/// negations.
 pub fn negate(a: Node) -> Node {
     let format = a.format();
     match a.expression() {
@@ -380,7 +384,7 @@ fn negate_if(turns: bool, a: Node) -> Node {
     if turns { negate(a) } else { a }
 }
 
-/// Operations that change only the sign do not change the magnitude.
+/// |a|. Operations that only change the sign of a are left out.
 pub fn magnitude(a: Node) -> Node {
     let format = a.format();
     match a.expression() {
@@ -405,18 +409,18 @@ pub fn copy_sign(magnitude_of: Node, sign_of: Node) -> Node {
     }
 }
 
-/// The lesser as x86 has it: a where a < b, else b.
+/// The minimum as x86 computes it: a where a < b, else b.
 pub fn min(a: Node, b: Node) -> Node {
     select(less(a, b), a, b)
 }
 
-/// The greater as x86 has it: a where a > b, else b.
+/// The maximum as x86 computes it: a where a > b, else b.
 pub fn max(a: Node, b: Node) -> Node {
     select(less(b, a), a, b)
 }
 
-/// The first where the condition holds, else the second: one of them if both are the same or the
-/// condition is known.
+/// The first number where the condition holds, else the second. It is one of them if both are the
+/// same or the condition is constant.
 pub fn select(when: Node, a: Node, b: Node) -> Node {
     match when.expression() {
         True => return a,
@@ -424,7 +428,7 @@ pub fn select(when: Node, a: Node, b: Node) -> Node {
         Not(contrary) => return select(contrary, b, a),
         _ => {}
     }
-    // If an operand is itself a choice by this condition, its outcome is known here.
+    // An operand that is itself a choice by this condition is known here.
     let a = match a.expression() {
         Select(again, a, _) if again == when => a,
         _ => a,
@@ -436,7 +440,7 @@ pub fn select(when: Node, a: Node, b: Node) -> Node {
     if a == b { a } else { node(a.format(), Select(when, a, b)) }
 }
 
-/// All bits set where a condition holds, else none.
+/// All bits set where a condition holds, else no bit.
 pub fn mask(format: Number, when: Node) -> Node {
     select(when, constant(format, ones(format)), zero(format))
 }
@@ -476,8 +480,8 @@ pub fn either(a: Node, b: Node) -> Node {
     not(both(not(a), not(b)))
 }
 
-/// A sum, also one with a flipped sign, without the zeros that were added to it: the same to a
-/// comparison.
+/// A sum, possibly with a flipped sign, without the zeros that were added to it. To a comparison it
+/// is the same number.
 fn without_zeros(a: Node) -> Node {
     let format = a.format();
     match a.expression() {
@@ -489,8 +493,8 @@ fn without_zeros(a: Node) -> Node {
     }
 }
 
-/// A comparison of two numbers, in which -0 is 0: decided if both are constants, and false if one
-/// is NaN.
+/// A comparison of two numbers, for which -0 equals 0. It is decided if both are constants, and
+/// false if one is NaN.
 fn compare(a: Node, b: Node, is: fn(&f64, &f64) -> bool, make: fn(Node, Node) -> Expression) -> Node {
     let format = a.format();
     if any_nan(&[a, b]) {
@@ -522,8 +526,8 @@ pub fn equal(a: Node, b: Node) -> Node {
     compare(a, b, f64::eq, ordered)
 }
 
-/// A predicate of `vcmpps`, by whether it holds of numbers that are less, equal and greater. One
-/// that holds of NaN is the negation of the one whose number differs in bit 2.
+/// A predicate of `vcmpps` as a combination of the comparisons less, equal and greater. A predicate
+/// that holds for NaN is the negation of the one whose number differs in bit 2.
 pub fn predicate(number: u8, a: Node, b: Node) -> Node {
     use std::cmp::Ordering;
     if holds(number, None) {
@@ -541,7 +545,8 @@ pub fn predicate(number: u8, a: Node, b: Node) -> Node {
     }
 }
 
-/// Whether the sign bit is set, as a condition; None where the rules do not know it as one.
+/// Whether the sign bit of a number is set, as a condition; None where no rule gives such a
+/// condition.
 pub fn sign_bit(a: Node) -> Option<Node> {
     match a.expression() {
         Constant(bits) => Some(truth(bits & a.format().sign() != 0)),
@@ -568,8 +573,9 @@ pub fn bits(logic: Logic, a: Node, b: Node) -> Node {
         .unwrap_or_else(|| node(format, Bits(logic, a.min(b), a.max(b))))
 }
 
-/// A bitwise operation with a constant: with all bits or none, one of the operands; with the sign
-/// bit, a negation or the sign; with all others, the magnitude.
+/// A bitwise operation with a constant operand. If that has all bits or none, the result is an
+/// operand or constant; if it is the sign bit, a negation or a sign; if it has all other bits, a
+/// magnitude.
 fn by_constant(logic: Logic, a: Node, b: Node) -> Option<Node> {
     let (format, bits) = (a.format(), a.constant()?);
     let all = ones(format);
@@ -596,8 +602,8 @@ fn by_constant(logic: Logic, a: Node, b: Node) -> Option<Node> {
     }
 }
 
-/// A bitwise operation on a choice, as a choice of results, if one of its numbers is a constant or,
-/// for xor, if `b` cancels in both.
+/// A bitwise operation on a choice becomes a choice of results if one of the two numbers is
+/// constant or, for xor, if `b` cancels in both.
 fn by_choice(logic: Logic, a: Node, b: Node) -> Option<Node> {
     let Select(when, yes, no) = a.expression() else { return None };
     let pushes = match logic {
@@ -617,7 +623,7 @@ fn cancels(a: Node, b: Node) -> bool {
     }
 }
 
-/// (x xor y) xor y = x; and an operation with a mere sign bit is one on the sign.
+/// (x xor y) xor y = x. An operation with a sign bit alone becomes one on signs.
 fn by_sign(logic: Logic, a: Node, b: Node) -> Option<Node> {
     match (logic, a.expression(), b.expression()) {
         (Logic::Xor, Bits(Logic::Xor, x, y), _) if y == b => Some(x),
@@ -667,15 +673,15 @@ pub fn pair(lower: Node, upper: Node) -> Node {
     }
 }
 
-/// Whether some of these results depend on bits of a computed number that may differ for a NaN, or
-/// for the root of -0: on halves of it, or on its sign, except that of h in h + root, where these
-/// do not matter.
+/// Whether some of these results depend on bits of a computed number that may be wrong for a NaN or
+/// for the root of -0: on a half of the number, or on its sign. The sign of h in h + root is no
+/// such bit, since it does not matter there.
 pub fn reads_bits_of_results(results: &[Node]) -> bool {
     let all: HashSet<Node> = results.iter().flat_map(|result| result.all()).collect();
     all.iter().any(|node| reads_bits(*node, results, &all))
 }
 
-/// Whether a node depends on such bits of its operands; `all` are those that the results depend on.
+/// Whether a node reads such bits of its operands. `all` are the nodes that the results depend on.
 fn reads_bits(node: Node, results: &[Node], all: &HashSet<Node>) -> bool {
     let is_given = |node: Node| matches!(node.expression(), Input(_) | Constant(_));
     match node.expression() {

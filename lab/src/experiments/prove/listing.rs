@@ -17,14 +17,14 @@ pub struct Proofs {
     pub bounds: Vec<Bound>,
 }
 
-/// The outcome for a macro in one of its forms.
+/// The outcome of the proofs of a macro in one of its forms.
 #[derive(Debug, Serialize)]
 pub struct MacroProof {
     pub name: &'static str,
-    /// `paper` and `aos` for one vector in a register, `packets` for operations on packets,
-    /// `macros` for others.
+    /// The form: `paper` and `aos` for one vector in a register, `packets` for operations on
+    /// packets, `macros` for macros of the tracers.
     pub form: &'static str,
-    /// None for an exception, which holds for all instruction sets.
+    /// The instruction set; None for an exception, which holds for all of them.
     pub isa: Option<&'static str>,
     pub precision: Option<&'static str>,
     /// `proved`, `excepted`, or `failed`.
@@ -38,7 +38,7 @@ pub struct MacroProof {
 }
 
 impl Proofs {
-    /// Proves everything.
+    /// Carries out all proofs.
     pub fn of_all() -> Proofs {
         let mut macros = Vec::new();
         for subject in subjects() {
@@ -76,7 +76,7 @@ impl Proofs {
         Proofs { macros, bounds: rounding::bounds().into_iter().chain(by_provers).chain(by_hand()).collect() }
     }
 
-    /// Whether nothing failed.
+    /// Whether no proof failed and every bound holds.
     pub fn hold(&self) -> bool {
         self.macros.iter().all(|row| row.verdict != "failed") && self.bounds.iter().all(|bound| bound.holds)
     }

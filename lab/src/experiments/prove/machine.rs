@@ -1,10 +1,11 @@
-//! Machine code over symbols: the instructions of a function, by the model of `rayo step`.
+//! Executes machine code over symbols: the instructions of a function, by the model of `rayo step`.
 //!
-//! Vectors and masks, and memory that the caller names, hold expressions. General registers hold
-//! numbers: addresses and counts, which must not depend on inputs. Where a jump does, the machine
-//! goes both ways, each with what holds on it. The model says what each instruction does to
-//! vectors; general registers are few enough to be done here. Nothing here asks the CPU, so that
-//! code for instructions that it lacks can be read as well.
+//! Vectors, masks and the memory that the caller names hold expressions. General registers hold
+//! numbers, such as addresses and counts, which must not depend on inputs. At a jump that depends
+//! on inputs the machine follows both ways, each with the condition under which it is taken. The
+//! model of `rayo step` says what an instruction does to vectors; the few instructions on general
+//! registers are modelled here. The CPU is never asked, so that code for instructions that it lacks
+//! can be read as well.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -18,10 +19,10 @@ use crate::experiments::step::model::{self, Alternative, Element, Float, Number,
 use rayo::internals::kernels::step::{MemoryOperand, State, Step, Touched, memory_operand};
 use rayo::internals::kernels::{code_at, constants_at};
 
-/// Code that takes more instructions than this, on all paths together, counts as a loop without
-/// end.
+/// Code that takes more instructions than this, on all paths together, is treated as an endless
+/// loop.
 const MOST_STEPS: usize = 10_000;
-/// With more nodes than this the expressions count as too large.
+/// Expressions with more nodes than this are treated as too large.
 const MOST_NODES: usize = 500_000;
 /// The stack pointer on entry, and its number among the general registers.
 const STACK: u64 = 0x7f00_0000_0000;
@@ -52,42 +53,42 @@ pub enum Unproved {
 #[derive(Clone, Debug, PartialEq)]
 enum General {
     Known(u64),
-    /// A bit for each lane of a mask.
+    /// The bits of a mask, as a condition for each lane.
     Lanes(Vec<Node>),
-    /// A number that depends on inputs, and is no mask.
+    /// A number that depends on inputs and is no mask.
     Unknown,
 }
 
-/// What the last instruction left in the flags.
+/// What the flags hold after the last instruction.
 #[derive(Clone, Copy, Debug)]
 enum Flags {
     /// A comparison of two numbers.
     Compared(Node, Node),
-    /// A result in general registers: whether it is 0, its carry where the model has it, and its
-    /// sign.
+    /// Those of an integer result: whether it is 0, its carry if the model has it, and its sign.
     Known {
         zero: bool,
         carry: Option<bool>,
         sign: bool,
     },
-    /// Whether a mask has no lane.
+    /// The zero flag says whether a mask selects no lane.
     NoLane(Node),
     Unknown,
 }
 
-/// The code of the program, of which some bytes may be changed, and a record of what was read.
+/// The program's code, in which some bytes may be changed, and a record of what was read of it.
 #[derive(Default)]
 pub struct Program {
-    /// Bytes in place of those at their addresses.
+    /// Changed bytes, by their addresses.
     pub patch: HashMap<u64, u8>,
-    /// The instructions that were carried out: how many bytes each has, by its address.
+    /// The instructions that were executed: the address of each, and its length in bytes.
     pub code: RefCell<BTreeMap<u64, usize>>,
-    /// The addresses of constants that were read, of words of 32 bits.
+    /// The addresses of the 32-bit words of constants that were read.
     pub constants: RefCell<BTreeSet<u64>>,
 }
 
 impl Program {
-    /// The `N` bytes at an address: those of `here` with the patch, and 0 past the end of both.
+    /// The `N` bytes at an address: a changed byte where there is one, else the byte of `here`, and
+    /// 0 past its end.
     fn bytes<const N: usize>(&self, address: u64, here: &[u8]) -> [u8; N] {
         let byte = |at: usize| {
             let changed = self.patch.get(&(address + at as u64)).copied();
@@ -97,7 +98,7 @@ impl Program {
     }
 }
 
-/// The state of an execution over symbols, at one point of one path.
+/// The state of a symbolic execution at one point of one path.
 #[derive(Clone)]
 pub struct Machine<'a> {
     program: &'a Program,
@@ -105,14 +106,14 @@ pub struct Machine<'a> {
     vectors: Vec<[Node; 16]>,
     masks: Vec<[Node; 64]>,
     flags: Flags,
-    /// Words of 32 bits, by their addresses.
+    /// 32-bit words, by their addresses.
     memory: HashMap<u64, Node>,
     rip: u64,
     conditions: Vec<Condition>,
 }
 
 impl<'a> Machine<'a> {
-    /// The state at the beginning of the function at `entry`. Vectors that are not set are symbols
+    /// The state at the beginning of the function at `entry`. Vectors that are not set hold symbols
     /// that occur in no twin.
     pub fn new(program: &'a Program, entry: u64) -> Self {
         let unset = |register: usize, word: usize| graph::input(Number::Single, &format!("unset {register}.{word}"));
@@ -127,7 +128,7 @@ impl<'a> Machine<'a> {
             conditions: Vec::new(),
         };
         for register in 0..16 {
-            // A value of the caller's, which may be saved and restored, but is no address.
+            // A value that belongs to the caller: it can be saved and restored, but is no address.
             machine.general[register] = General::Known(0xdead_0000 + register as u64);
         }
         machine.general[RSP] = General::Known(STACK);
@@ -155,7 +156,7 @@ impl<'a> Machine<'a> {
         if format.bytes() == 8 { Ok(graph::pair(lower, self.word(address + 4)?)) } else { Ok(lower) }
     }
 
-    /// Runs to the return along all paths, which leave these results.
+    /// Runs along all paths until they return. The results are read from memory at the end of each.
     pub fn run(self, results: &[ResultNumber]) -> Result<Vec<Path>, Unproved> {
         let mut paths = Vec::new();
         let mut open = vec![self];
@@ -182,7 +183,7 @@ impl<'a> Machine<'a> {
         Ok(paths)
     }
 
-    /// A word of 32 bits: one that was set, or a constant of the program.
+    /// A 32-bit word: one that was set, or a constant of the program.
     fn word(&self, address: u64) -> Result<Node, Unproved> {
         if let Some(&word) = self.memory.get(&address) {
             return Ok(word);
@@ -193,7 +194,7 @@ impl<'a> Machine<'a> {
         Ok(graph::constant(Number::Single, u32::from_le_bytes(bytes).into()))
     }
 
-    /// Carries out the next instruction.
+    /// Executes the next instruction.
     fn step(&mut self) -> Result<Next<'a>, Unproved> {
         let here = code_at(self.rip as usize).ok_or(Unproved::Memory(self.rip))?;
         let code = self.program.bytes::<16>(self.rip, here);
@@ -241,11 +242,11 @@ impl<'a> Machine<'a> {
         Ok(Next::Forks(Box::new(other)))
     }
 
-    /// The condition of a jump, by the flags.
+    /// The condition under which a conditional jump is taken, from the flags.
     fn condition(&self, code: ConditionCode) -> Option<Node> {
         use ConditionCode::{a, ae, b, be, e, ne, ns, s};
         Some(match (self.flags, code) {
-            // `comiss` sets zero and carry for what has no order.
+            // `comiss` sets the zero and the carry flag where a number is NaN.
             (Flags::Compared(x, y), ae) => graph::less_or_equal(y, x),
             (Flags::Compared(x, y), b) => graph::not(graph::less_or_equal(y, x)),
             (Flags::Compared(x, y), a) => graph::less(y, x),
@@ -267,7 +268,7 @@ impl<'a> Machine<'a> {
         })
     }
 
-    /// An instruction on vectors, as the model has it.
+    /// Executes an instruction on vectors by the model.
     fn vector_step(&mut self, code: &[u8; 16], instruction: &iced_x86::Instruction) -> Result<(), Unproved> {
         let before = self.state(instruction);
         let touched = self.touched(instruction)?;
@@ -280,7 +281,7 @@ impl<'a> Machine<'a> {
         if is_of_lanes(instruction.mnemonic()) {
             return self.lanes_step(&operations, instruction);
         }
-        // All is read before anything is written.
+        // All operands are read before any result is written.
         let mut written = Vec::new();
         for operation in &self.by_words(operations) {
             match operation.to.place {
@@ -293,7 +294,7 @@ impl<'a> Machine<'a> {
                     _ => return Err(unknown(instruction)),
                 },
                 Place::General(register) => {
-                    // A conversion to an integer, or a word of a vector.
+                    // A number that was converted to an integer, or a word of a vector.
                     let value = self.value(operation).ok().and_then(Node::constant);
                     self.general[usize::from(register)] = value.map_or(General::Unknown, General::Known);
                 }
@@ -303,9 +304,9 @@ impl<'a> Machine<'a> {
         written.into_iter().try_for_each(|(to, value)| self.write(to, value))
     }
 
-    /// The operations except the one on the instruction pointer. An operation that copies 64 bits,
-    /// or combines 64 bits of singles bitwise, is split into two on 32 bits each, since two singles
-    /// are not the halves of a double.
+    /// The operations of an instruction, except the one that moves the instruction pointer. One
+    /// that copies 64 bits, or combines 64 bits of f32 bitwise, is split into two on 32 bits each,
+    /// since two f32 are not the halves of an f64.
     fn by_words(&self, operations: Vec<Operation>) -> Vec<Operation> {
         let mut words = Vec::new();
         for operation in operations {
@@ -324,7 +325,7 @@ impl<'a> Machine<'a> {
         words
     }
 
-    /// Whether one of the two words at an element is half of a double.
+    /// Whether one of the two 32-bit words of an element is half of an f64.
     fn is_double(&self, element: Element) -> bool {
         let word = |at| self.read(Element { at, bits: 32, ..element }, Number::Single);
         let words = [word(element.at), word(element.at + 32)];
@@ -347,13 +348,13 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// Whether no symbol decides what the mask of an instruction selects.
+    /// Whether the mask of an instruction is constant.
     fn is_mask_known(&self, instruction: &iced_x86::Instruction) -> bool {
         let is_known = |lane: &Node| *lane == graph::yes() || *lane == graph::no();
         self.masks[instruction.op_mask().number()].iter().all(is_known)
     }
 
-    /// Registers as numbers, where they are known; what is not known is 0.
+    /// The registers as numbers; 0 where they are not constant.
     fn state(&self, instruction: &iced_x86::Instruction) -> State {
         let known = |general: &General| if let General::Known(bits) = general { *bits } else { 0 };
         let general = self.general.each_ref().map(known);
@@ -374,7 +375,7 @@ impl<'a> Machine<'a> {
         state
     }
 
-    /// The memory of an instruction, whose address must be known.
+    /// The memory that an instruction accesses, whose address must be constant.
     fn touched(&self, instruction: &iced_x86::Instruction) -> Result<Option<Touched>, Unproved> {
         let is_known = |register: Register| {
             !register.is_gpr() || matches!(self.general[register.full_register().number()], General::Known(_))
@@ -394,8 +395,8 @@ impl<'a> Machine<'a> {
         Ok(Some(Touched { address, bytes: bytes as u8, before, after: before }))
     }
 
-    /// The result of an operation. Where a bit that depends on inputs decides between two
-    /// alternatives, this is a choice between the results of both.
+    /// The result of an operation. Where a bit that depends on inputs selects one of two
+    /// alternatives, it is a choice between the results of both.
     fn value(&self, operation: &Operation) -> Result<Node, Unproved> {
         let Operation { to, what, from, by, otherwise } = operation;
         let (last, others) = match (otherwise, &by[..]) {
@@ -421,14 +422,14 @@ impl<'a> Machine<'a> {
         })
     }
 
-    /// The result of `what` on some elements: a number of so many bits, or a condition if `bits` is
+    /// The result of `what` on some elements: a number of `bits` bits, or a condition if `bits` is
     /// 1.
     fn made(&self, what: What, from: &[Element], bits: u32) -> Result<Node, Unproved> {
         let of_size = if bits == 64 { Number::Double } else { Number::Single };
         match what {
             What::Copy => self.read(from[0], of_size),
             What::Computed(value) => {
-                // The model has computed this with numbers, which is right only if all operands are
+                // The model has computed this from numbers, which is right only if all operands are
                 // constants.
                 from.iter().try_for_each(|&element| self.bits(element).map(drop))?;
                 Ok(if bits == 1 { graph::truth(value == 1) } else { graph::constant(of_size, value) })
@@ -456,7 +457,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// An element as a number of this format. One of another size, or across words, must be
+    /// An element as a number of a format. An element of another size, or across words, must be
     /// constant.
     fn read(&self, element: Element, format: Number) -> Result<Node, Unproved> {
         if u64::from(element.bits) != 8 * u64::from(format.bytes()) {
@@ -474,7 +475,7 @@ impl<'a> Machine<'a> {
         if format.bytes() == 8 { Ok(graph::pair(lower, word(element.at + 32)?)) } else { Ok(lower) }
     }
 
-    /// One bit as a condition: of a mask, or the sign of a number.
+    /// One bit as a condition: a bit of a mask, or the sign bit of a number.
     fn condition_of(&self, element: Element) -> Result<Node, Unproved> {
         match element.place {
             Place::Mask(number) => Ok(self.masks[usize::from(number)][element.at as usize]),
@@ -486,7 +487,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// The bits of an element that depends on no input.
+    /// The bits of an element that is constant.
     fn bits(&self, element: Element) -> Result<u64, Unproved> {
         let ones = u64::MAX >> (64 - element.bits);
         let word = |word: Node| word.constant().ok_or(Unproved::Integers);
@@ -533,7 +534,7 @@ impl<'a> Machine<'a> {
                 }
             }
             Place::Mask(number) if to.bits == 1 => self.masks[usize::from(number)][to.at as usize] = value,
-            // The model clears the bits of a mask beyond its lanes.
+            // The model clears the bits of a mask beyond the lanes of the instruction.
             Place::Mask(number) if value.constant() == Some(0) => {
                 self.masks[usize::from(number)][to.at as usize..].fill(graph::no());
             }
@@ -542,7 +543,8 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// An instruction on general registers: its result is unknown unless its operands are known.
+    /// Executes an instruction on general registers. Its result is unknown unless its operands are
+    /// constants.
     fn general_step(&mut self, instruction: &iced_x86::Instruction) -> Result<(), Unproved> {
         use Mnemonic::*;
         let touched = self.touched(instruction)?.map(|touched| touched.address);
@@ -595,7 +597,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// An instruction of integer arithmetic on these operands, of which one that is in memory is at
+    /// Executes an integer instruction on these operands. If one of them is in memory, it is at
     /// `touched`.
     fn integer_step(
         &mut self,
@@ -622,8 +624,8 @@ impl<'a> Machine<'a> {
         let bits = bits & ones;
         let is_shift_by_0 = matches!(mnemonic, Shl | Shr) && b % 32 == 0;
         self.flags = if is_shift_by_0 {
-            // It leaves the flags as they were. That is not followed here; unknown flags prove
-            // nothing.
+            // The instruction leaves the flags unchanged, which is not modelled here. Unknown flags
+            // are safe: a jump that reads them proves nothing.
             Flags::Unknown
         } else {
             Flags::Known { zero: bits == 0, carry, sign: bits >> (8 * bytes - 1) == 1 }
@@ -675,7 +677,7 @@ impl<'a> Machine<'a> {
         }
         let register = instruction.op_register(operand);
         let known = match value {
-            // A write to 8 or 16 bits of a register keeps its other bits, which is not followed.
+            // A write to 8 or 16 bits of a register keeps the other bits, which is not modelled.
             _ if register.size() < 4 => General::Unknown,
             General::Known(bits) => General::Known(bits & u64::MAX >> (64 - 8 * register.size())),
             other => other,
@@ -706,7 +708,8 @@ impl<'a> Machine<'a> {
 
 enum Next<'a> {
     Goes,
-    /// At a jump by a condition on inputs: this machine has jumped, and the given one has not.
+    /// A jump by a condition that depends on inputs: this machine has jumped, and the machine in
+    /// the box has not.
     Forks(Box<Machine<'a>>),
     Returns,
 }
@@ -733,17 +736,18 @@ fn is_of_lanes(mnemonic: Mnemonic) -> bool {
     matches!(mnemonic, Kmovw | Movmskpd | Movmskps | Vmovmskpd | Vmovmskps)
 }
 
-/// The result of an integer instruction, before bits beyond its operands are cut off.
+/// The result of an integer instruction, before the bits beyond its operand size are cut off.
 struct Integer {
     bits: u64,
-    /// The carry flag. That of increments and shifts is not modelled: a jump on it is not followed.
+    /// The carry flag. None for increments and shifts, whose carry is not modelled, so that a jump
+    /// on it is not followed.
     carry: Option<bool>,
 }
 
-/// The result of an integer instruction on operands of so many bits.
+/// The result of an integer instruction on operands of `bits` bits.
 fn integer(mnemonic: Mnemonic, a: u64, b: u64, bits: u32) -> Integer {
     use Mnemonic::{Add, And, Cmp, Dec, Inc, Or, Shl, Sub, Test, Xor};
-    // The CPU takes so many bits of the count, whatever the operand's size below 64 bits.
+    // The CPU takes 6 bits of a shift count for 64-bit operands, and 5 bits for all smaller ones.
     let count = b & if bits == 64 { 63 } else { 31 };
     let with_carry = |bits, carry| Integer { bits, carry: Some(carry) };
     let without_carry = |bits| Integer { bits, carry: None };
@@ -760,13 +764,13 @@ fn integer(mnemonic: Mnemonic, a: u64, b: u64, bits: u32) -> Integer {
     }
 }
 
-/// The part of an operation on 64 bits that is on 32 of these, from bit `first` on.
+/// The 32-bit half of a 64-bit operation that begins at bit `first`.
 fn half_of(operation: &Operation, first: u64) -> Operation {
     let half = |element: &Element| Element { at: element.at + first, bits: 32, ..*element };
     Operation { to: half(&operation.to), from: operation.from.iter().map(half).collect(), ..operation.clone() }
 }
 
-/// A bitwise function of two numbers, by the model's truth table.
+/// A bitwise function of two numbers; `table` is its truth table in the model's form.
 fn logic(table: u8, operands: &[Node]) -> Result<Node, Unproved> {
     let &[a, b] = operands else { return Err(Unproved::Integers) };
     match table {
@@ -791,7 +795,7 @@ fn float_of(float: Float, operands: &[Node]) -> Result<Node, Unproved> {
         (Float::Fma { product, addend }, &[a, b, c]) => {
             graph::fma(a, b, if addend { graph::negate(c) } else { c }, product)
         }
-        // Estimates differ from CPU to CPU.
+        // The results of estimates differ from CPU to CPU.
         _ => return Err(Unproved::Integers),
     })
 }

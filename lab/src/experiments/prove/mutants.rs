@@ -1,6 +1,6 @@
-//! Mutants: code with one bit changed, of an instruction or of a constant.
+//! Mutants: code in which one bit of an instruction or of a constant is changed.
 //!
-//! A bit of an instruction is a part of its operation, an operand, an immediate or an address. If a
+//! A bit of an instruction belongs to its operation, an operand, an immediate or an address. If a
 //! mutant is proved to equal the twin all the same, the reason is reported, and mutant and twin are
 //! compared on random inputs, so that no such proof goes unchecked.
 
@@ -13,30 +13,31 @@ use crate::experiments::check::inputs::Numbers;
 use rayo::internals::kernels::{code_at, constants_at};
 use rayo::internals::scene::Rng;
 
-/// Inputs on which an equivalent mutant is tried.
+/// The number of inputs on which a mutant is compared with the twin if it is proved equal.
 const TRIES: usize = 21;
-/// As many bytes as any instruction has, and one more.
+/// One more than the length of the longest instruction.
 const MOST_BYTES: usize = 16;
 
 /// A change of one bit.
 #[derive(Clone, Debug)]
 pub struct Mutant {
-    /// The address of the byte, and the byte in place of what is there.
+    /// The address of the changed byte, and its new value.
     pub address: u64,
     pub byte: u8,
-    /// What it was and what it is: two instructions, or a constant's bit.
+    /// The instruction before and after the change, or the changed bit of a constant.
     pub change: String,
     kind: Option<Equivalence>,
 }
 
-/// What became of a mutant.
+/// The outcome for a mutant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fate {
-    /// Inputs were found on which it differs.
+    /// Random inputs were found on which it differs from the twin.
     Refuted,
-    /// It differs by its expressions; no random input showed it.
+    /// Its expressions differ from the twin's, but no random input showed a difference.
     Differs,
-    /// The model does not follow it: another instruction, or memory that is no argument.
+    /// The model cannot follow it: it has an unknown instruction, or accesses memory that is no
+    /// argument.
     Unreadable(String),
     /// It equals the twin.
     Equivalent(Equivalence),
@@ -45,13 +46,13 @@ pub enum Fate {
 /// Why a mutant equals the twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Equivalence {
-    /// The instruction is the same, in another encoding or for elements of another format, of which
-    /// it copies or combines bits.
+    /// The instruction does the same, in another encoding or for elements of another format: it
+    /// only copies or combines bits.
     Encoding,
-    /// The results are the same expressions: no result depends on what differs, or operands changed
-    /// places.
+    /// The results are the same expressions: no result depends on the change, or two operands were
+    /// exchanged.
     Expression,
-    /// They are other expressions, equal by rules and cases.
+    /// The results are other expressions, which rules and cases show to be equal.
     Rules,
 }
 
@@ -68,13 +69,13 @@ impl Equivalence {
 /// A bit that can be changed.
 #[derive(Clone, Copy, Debug)]
 pub enum Bit {
-    /// Of an instruction of so many bytes.
+    /// A bit of an instruction, which has `length` bytes.
     Instruction { address: u64, length: usize, bit: usize },
-    /// Of a word of 32 bits.
+    /// A bit of a 32-bit word.
     Constant { address: u64, bit: usize },
 }
 
-/// All bits of a subject's code, as far as it is carried out, and of the constants that it reads.
+/// All bits of a subject's instructions that are executed, and of the constants that they read.
 pub fn bits(subject: &Subject) -> Vec<Bit> {
     graph::clear();
     let program = Program::default();
@@ -88,7 +89,8 @@ pub fn bits(subject: &Subject) -> Vec<Bit> {
     instructions.chain(constants).collect()
 }
 
-/// The mutant with that bit changed. None if the instruction then has another length, or is none.
+/// The mutant with that bit changed. None if the changed instruction has another length or is
+/// invalid.
 pub fn mutant(bit: Bit) -> Option<Mutant> {
     match bit {
         Bit::Instruction { address, length, bit } => {
@@ -104,7 +106,8 @@ pub fn mutant(bit: Bit) -> Option<Mutant> {
     }
 }
 
-/// The mutant with one bit of an instruction changed, if that is an instruction of the same length.
+/// The mutant with one bit of an instruction changed; None unless that gives an instruction of the
+/// same length.
 fn of_instruction(address: u64, code: &[u8], length: usize, bit: usize) -> Option<Mutant> {
     let mut changed = code.to_vec();
     changed[bit / 8] ^= 1 << (bit % 8);
@@ -129,10 +132,10 @@ fn of_instruction(address: u64, code: &[u8], length: usize, bit: usize) -> Optio
     Some(Mutant { address: address + (bit / 8) as u64, byte: changed[bit / 8], change, kind })
 }
 
-/// Tries to prove a mutant.
+/// Tries to prove that a mutant equals the twin.
 ///
 /// # Panics
-/// If it is proved, and differs on an input: then the prover is wrong.
+/// If it is proved and yet differs on some input, which means that the prover is wrong.
 pub fn fate(subject: &Subject, mutant: &Mutant) -> Fate {
     let program = Program { patch: [(mutant.address, mutant.byte)].into(), ..Program::default() };
     match prove_in(subject, &program).verdict {

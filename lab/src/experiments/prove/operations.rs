@@ -10,16 +10,16 @@ use rayo::internals::kernels::{
 use rayo::internals::reference::aos::{self, Form};
 use rayo::internals::render::Precision;
 
-/// Where the result, the first and the second operand are in the machine's memory.
+/// The addresses of the result and of the first and second operand in the machine's memory.
 pub const OUT: u64 = 0x1_0000_0000;
 pub const A: u64 = 0x2_0000_0000;
 pub const B: u64 = 0x3_0000_0000;
 
-/// The numbers of general registers that hold the first four arguments of a function.
+/// The numbers of the general registers that hold the first four arguments of a function.
 pub const ARGUMENT_REGISTERS: [usize; 4] = [7, 6, 2, 1];
 
-/// All operations: the paper's in both forms, and those on packets of all instruction sets, in both
-/// precisions.
+/// All operations: the paper's in both forms, and those on packets for all instruction sets, in
+/// both precisions.
 pub fn all() -> Vec<Subject> {
     let mut all = Vec::new();
     for (form, table) in [(Form::Paper, kernels::paper()), (Form::Best, kernels::aos())] {
@@ -32,7 +32,7 @@ pub fn all() -> Vec<Subject> {
     all
 }
 
-/// The macros of asm/include that an operation on single vectors is made of.
+/// The macros of asm/include that an operation on single vectors consists of.
 fn macros_of(operation: &str) -> &'static [&'static str] {
     match operation {
         "add" => &["VEC_ADD"],
@@ -49,7 +49,7 @@ fn macros_of(operation: &str) -> &'static [&'static str] {
     }
 }
 
-/// The macros of asm/include that an operation on packets is made of.
+/// The macros of asm/include that an operation on packets consists of.
 fn macros_of_packets(operation: &str) -> &'static [&'static str] {
     match operation {
         "add" => &["ADD3"],
@@ -91,7 +91,7 @@ fn operands<S: Copy>(op: OpRef, a: &[S], b: &[S]) -> Operands<S> {
     }
 }
 
-/// How many numbers the two operands and the result have.
+/// How many numbers the first operand, the second operand and the result have.
 fn sizes(op: OpRef) -> [usize; 3] {
     match op {
         OpRef::Vector(_) => [4, 4, 4],
@@ -125,7 +125,7 @@ fn call(op: OpRef, a: &[f32], b: &[f32]) -> Vec<f32> {
     }
 }
 
-/// An operation of the paper's, in a form.
+/// One of the paper's operations, in one form.
 pub fn of_macros(form: Form, name: &'static str, op: OpRef) -> Subject {
     let [a_count, b_count, out_count] = sizes(op);
     let names = |operand: &str, count: usize| (0..count).map(|i| format!("{operand}{i}")).collect::<Vec<_>>();
@@ -164,8 +164,8 @@ pub fn of_macros(form: Form, name: &'static str, op: OpRef) -> Subject {
     }
 }
 
-/// An operation on packets, with one packet, whose lanes are inputs of their own, and a record for
-/// all lanes.
+/// An operation on one packet, each lane of which has inputs of its own, and a record for all
+/// lanes.
 pub fn of_packets<E: PacketElement + Carrier>(isa: Isa, code: PacketOpCode) -> Subject {
     let PacketOpCode { name, symbol, address, lanes, shape } = code;
     let bytes = size_of::<E>();

@@ -1,10 +1,10 @@
 //! Bounds of rounding errors, proved by counting the roundings of each term of a polynomial.
 //!
 //! A computation of products and sums is a polynomial of its inputs. A term that goes through k
-//! roundings, each with a relative error of at most u, is off by at most (1 + u)^k - 1 of itself,
-//! so that the error of the whole is at most the sum of that over the magnitudes of all terms. The
-//! expressions are those of the machine code, and the constants are read where they are used.
-//! Neither underflow nor overflow is counted.
+//! roundings, each with a relative error of at most u, has a relative error of at most (1 + u)^k -
+//! 1. The error of the whole is therefore at most the sum of these errors, each times the magnitude
+//! of its term. The expressions come from the machine code, and the constants are imported from
+//! where they are used. Underflow and overflow are not considered.
 
 use std::collections::BTreeMap;
 
@@ -17,20 +17,22 @@ use crate::operands::HIT_ROUNDINGS;
 use rayo::internals::kernels::harness::{shadows, spheres};
 use rayo::internals::plan::EDGE_ROUNDINGS;
 
-/// u of f32, the largest relative error of a rounding.
+/// The unit roundoff u of f32: the largest relative error of a rounding.
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
 
 /// A constant that bounds rounding errors.
 #[derive(Clone, Debug, Serialize)]
 pub struct Bound {
     pub name: &'static str,
-    /// Where the constant is.
+    /// The source file that has the constant.
     pub file: &'static str,
-    /// In that unit.
+    /// The constant in the source, as a multiple of `unit`.
     pub constant: f64,
-    /// The least constant that is proved, over all instruction sets, in that unit.
+    /// The least constant that is proved to suffice on all instruction sets, as a multiple of
+    /// `unit`.
     pub needed: f64,
-    /// u is 2^-24 of what is rounded, and w is 2^-53 of it.
+    /// The unit of `constant` and `needed`: u is 2^-24 of the rounded value and w is 2^-53 of it;
+    /// others, such as `pixels`, stand for themselves.
     pub unit: &'static str,
     /// How it is proved: `count`, `gappa`, `sollya` or `hand`.
     pub by: &'static str,
@@ -38,7 +40,7 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// It holds if no more than the constant is needed.
+    /// A bound holds if its constant is at least the one that is needed.
     pub fn new(
         name: &'static str,
         file: &'static str,
@@ -51,12 +53,12 @@ impl Bound {
     }
 }
 
-/// The terms of a polynomial, each a product of inputs, and how many roundings it goes through at
-/// most.
+/// The terms of a polynomial: each is a product of inputs, with the largest number of roundings
+/// that it goes through.
 pub type Terms = BTreeMap<Vec<Node>, i32>;
 
-/// The terms of an expression; None if it is no polynomial. `of_input` is the number of roundings
-/// that an input went through before, by its name.
+/// The terms of an expression; None if it is no polynomial. `of_input` gives the number of
+/// roundings that an input has gone through before, by its name.
 pub fn terms(of: Node, of_input: &dyn Fn(&str) -> i32) -> Option<Terms> {
     let product = |a: &Terms, b: &Terms| -> Terms {
         let mut product = Terms::new();
@@ -90,24 +92,24 @@ pub fn terms(of: Node, of_input: &dyn Fn(&str) -> i32) -> Option<Terms> {
     })
 }
 
-/// (1 + u)^k - 1, in u.
+/// (1 + u)^k - 1 for k roundings, in units of u.
 fn error(roundings: i32) -> f64 {
     ((1.0 + UNIT).powi(roundings) - 1.0) / UNIT
 }
 
-/// The largest error of a term, in u, in the polynomials of a result: those between which it
-/// chooses, or that it compares.
+/// The largest relative error of a term, in units of u, in all polynomials that a result chooses
+/// from or compares.
 fn most(result: Node, of_input: &dyn Fn(&str) -> i32) -> f64 {
     let is_sum = |node: &Node| matches!(node.expression(), Expression::Add(..) | Expression::Fma(..));
     let users: Vec<Node> = result.all().into_iter().filter(|node| !is_sum(node)).collect();
-    // The sums that are no terms of other sums.
+    // The sums that are not terms of other sums.
     let sums = users.iter().flat_map(|user| user.operands()).chain([result]).filter(is_sum);
     let counted = sums.filter_map(|sum| terms(sum, of_input)).flat_map(Terms::into_values);
     counted.map(error).fold(0.0, f64::max)
 }
 
-/// The largest `need` of the first result of the subjects with that name, over instruction sets and
-/// formats.
+/// The largest `need` over all instruction sets and formats of the subjects with that name, for the
+/// first result of each.
 fn needed(subjects: &[Subject], name: &str, need: impl Fn(Node) -> f64) -> f64 {
     let mut most = 0.0_f64;
     let subjects: Vec<_> = subjects.iter().filter(|subject| subject.name == name).collect();
@@ -120,15 +122,16 @@ fn needed(subjects: &[Subject], name: &str, need: impl Fn(Node) -> f64) -> f64 {
     most
 }
 
-/// All bounds that are proved by counting. Numbers of records were rounded once, pixels are exact.
+/// All bounds that are proved by counting. The numbers in records have been rounded once; pixel
+/// coordinates are exact.
 pub fn bounds() -> Vec<Bound> {
     let alone = alone::all();
     let mut packets = operations::all();
     packets.retain(|subject| subject.form == "packets");
     let of_record = |name: &str| i32::from(name.starts_with("record") || name.starts_with('b'));
     let bound = |name, file, constant, needed| Bound::new(name, file, constant, needed, "u", "count");
-    // In the unit of the bound |a x| and |b y| are at most 1, and |c| is at most 2. The coordinates
-    // of points, x and y, were rounded as well.
+    // Relative to the bound's unit |a x| and |b y| are at most 1, and |c| is at most 2. The
+    // coordinates x and y of points have been rounded once, as well as a, b and c.
     let of_caster = |edge: Node| {
         let terms = terms(edge, &|_| 1).expect("an edge is a polynomial");
         terms.iter().map(|(term, &n)| error(n) * if term.len() == 1 { 2.0 } else { 1.0 }).sum()

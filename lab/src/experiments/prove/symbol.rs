@@ -1,8 +1,8 @@
-//! The twins over symbols: the traits that they compute by, for expressions.
+//! The traits that twins compute by, implemented for symbols instead of numbers.
 //!
-//! A twin keeps numbers in records, and in arrays of f32 or f64. There a symbol is a NaN whose bits
-//! hold the number of its node, and survive a conversion between f32 and f64. At a branch on a
-//! symbol the condition is taken to hold in one run of the twin, and not to hold in another.
+//! A twin keeps numbers in records and in arrays of f32 or f64. There a symbol is a NaN whose bits
+//! hold the number of its node and survive conversions between f32 and f64. A twin that branches on
+//! a symbol is run several times: in one run the condition holds, in another it does not.
 
 use std::cell::RefCell;
 use std::cmp::Ordering;
@@ -18,7 +18,7 @@ use rayo::internals::reference::aos::Scalar;
 /// Decides the branches on symbols during a run of a twin.
 #[derive(Default)]
 struct Oracle {
-    /// Whether the conditions of the first branches hold.
+    /// For the first branches of this run, whether their conditions hold.
     plan: Vec<bool>,
     /// The conditions of the branches so far.
     decided: Vec<Condition>,
@@ -36,15 +36,15 @@ pub struct Condition {
     pub holds: bool,
 }
 
-/// A path through a computation.
+/// A path through a computation: its conditions and its results.
 #[derive(Clone, Debug)]
 pub struct Path {
     pub conditions: Vec<Condition>,
     pub results: Vec<Node>,
 }
 
-/// Whether the condition of a branch holds in this run; where that is not known, it does in a first
-/// run, and does not in a later one.
+/// Whether the condition of a branch holds in this run. If it is not constant, it holds in a first
+/// run, and does not hold in a later one.
 fn decide(condition: Node) -> bool {
     if condition == graph::yes() || condition == graph::no() {
         return condition == graph::yes();
@@ -67,7 +67,7 @@ pub fn paths(twin: impl Fn() -> Vec<Node>) -> Vec<Path> {
         ORACLE.set(Oracle { plan: outcomes, decided: Vec::new() });
         let results = twin();
         let conditions = ORACLE.take().decided;
-        // In the next run the last condition that held does not hold.
+        // In the next run the last condition that held is the first that does not hold.
         let mut next: Vec<bool> = conditions.iter().map(|condition| condition.holds).collect();
         while next.last() == Some(&false) {
             next.pop();
@@ -85,15 +85,16 @@ pub trait Carrier: Number {
     fn of_bits(bits: u64) -> Self;
     /// A NaN that stands for the node.
     fn symbol(node: Node) -> Self;
-    /// The number of the node that it stands for.
+    /// The number of the node that the NaN stands for; None for an ordinary number.
     fn carried(self) -> Option<u32>;
 
-    /// An input.
+    /// A symbol for the input of this name.
     fn named(name: &str) -> Self {
         Self::symbol(graph::input(Self::FORMAT, name))
     }
 
-    /// The node that it stands for, converted if the NaN was converted from the other format.
+    /// The node that a number stands for. It is converted if the NaN has been converted from the
+    /// other format.
     fn node(self) -> Node {
         let Some(number) = self.carried() else { return graph::constant(Self::FORMAT, self.bits()) };
         let node = Node::numbered(number);
@@ -101,10 +102,10 @@ pub trait Carrier: Number {
     }
 }
 
-/// The bits of a single that mark a symbol, and those of its number.
+/// The bits of an f32 that mark a symbol, and the bits that hold the number of its node.
 const MARK: u32 = 0x7fe0_0000;
 const NUMBER: u32 = 0x001f_ffff;
-/// The number's place in a double is where a conversion from a single puts it.
+/// The number's place in an f64: a conversion from f32 shifts the mantissa by so many bits.
 const SHIFT: u32 = 29;
 
 impl Carrier for f32 {
@@ -140,7 +141,7 @@ impl Carrier for f64 {
     }
 
     fn symbol(node: Node) -> Self {
-        // Rust does not promise which NaN a conversion gives.
+        // Rust does not specify which NaN a conversion yields, so that it is done on bits.
         let single = f32::symbol(node).to_bits();
         f64::from_bits(0x7ff0_0000_0000_0000 | u64::from(single & 0x007f_ffff) << SHIFT)
     }
@@ -152,7 +153,7 @@ impl Carrier for f64 {
     }
 }
 
-/// One lane of symbols, whose products and sums are rounded once if `FUSED`.
+/// A symbol as a packet of one lane. If `FUSED`, products and sums are rounded together.
 #[derive(Clone, Copy, Debug)]
 pub struct Symbol<E, const FUSED: bool>(pub Node, PhantomData<E>);
 
@@ -161,7 +162,7 @@ impl<E: Carrier, const FUSED: bool> Symbol<E, FUSED> {
         Symbol(node, PhantomData)
     }
 
-    /// An input.
+    /// A symbol for the input of this name.
     pub fn named(name: &str) -> Self {
         Self::of_node(graph::input(E::FORMAT, name))
     }
@@ -175,7 +176,8 @@ impl<E: Carrier, const FUSED: bool> Symbol<E, FUSED> {
         graph::sign_bit(self.0).expect("a mask is a choice between all bits and none")
     }
 
-    /// The value of a constant. The closures of twins compute with values, and get no symbols.
+    /// The value of a constant. The closures of twins compute with values, and are never called
+    /// with symbols.
     fn known(self) -> E {
         E::of_bits(self.0.constant().expect("no closure computes with symbols"))
     }
@@ -200,7 +202,7 @@ impl<E: Carrier, const FUSED: bool> Lanes for Symbol<E, FUSED> {
     }
 
     fn store<F: Element>(self, to: &mut [F]) {
-        // A conversion of the number converts the NaN that carries a symbol.
+        // Converting the number converts the NaN that carries the symbol.
         to[0] = F::from_f64(self.lane(0).to_f64());
     }
 
@@ -273,7 +275,7 @@ impl<E: Carrier, const FUSED: bool> Lanes for Symbol<E, FUSED> {
     }
 }
 
-/// A scalar of the single vectors' twin.
+/// A symbol as a scalar of the single-vector twins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScalarSymbol(pub Node);
 
@@ -299,7 +301,7 @@ impl Scalar for ScalarSymbol {
     }
 }
 
-/// Comparisons are branches.
+/// Each comparison is a branch.
 impl PartialOrd for ScalarSymbol {
     fn partial_cmp(&self, _: &Self) -> Option<Ordering> {
         unreachable!("the twin compares by <, <=, > and >=")

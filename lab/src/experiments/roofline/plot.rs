@@ -57,8 +57,8 @@ fn chart(roofline: &Roofline) -> LogChart<'static> {
         let mark = Some((shape(&point.scene), 6));
         series.push(Series { mark, ..Series::line([position(point)], colour_of(&point.engine), 0) });
     }
-    // The name of a slope is at the middle of its visible part, that of a level line at its right
-    // end.
+    // The name of a sloping roof is at the middle of its visible part, that of a horizontal one at
+    // its right end.
     let mut names = Vec::new();
     for roof in roofs {
         let slope = roof.bytes_per_cycle;

@@ -1,4 +1,4 @@
-//! The cost of stiff scenes: their times compared with those of ordinary scenes.
+//! How much time ill-conditioned scenes cost, compared with ordinary ones.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +13,8 @@ use rayo::internals::scene::{Camera, Scene};
 
 /// The distance of the far sphere, in radii.
 const KAPPA: f32 = 1e4;
-/// The exponent of the small scenes: they are the ordinary ones scaled by this power of two, which
-/// does not change a byte of the packets' pictures.
+/// The small scenes are the ordinary ones scaled by two to this power, which does not change a byte
+/// of the packets' pictures.
 const SMALL: i32 = -70;
 /// The size of the pictures and the number of rounds, in a quick run and in a full one.
 const SIZES: [((u32, u32), usize); 2] = [((160, 120), 5), ((640, 480), 15)];
@@ -22,7 +22,7 @@ const SIZES: [((u32, u32), usize); 2] = [((160, 120), 5), ((640, 480), 15)];
 /// The cost for one engine, precision and output. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Cost {
-    /// In which way the scene is stiff.
+    /// In which way the scene is ill-conditioned.
     pub stiff: Name,
     pub engine: Name,
     pub precision: Name,
@@ -30,22 +30,22 @@ pub struct Cost {
     /// Nanoseconds per ray of the ordinary picture in the median run.
     pub ordinary_ns_per_ray: f64,
     pub stiff_ns_per_ray: f64,
-    /// The stiff picture's time divided by the ordinary one's, by pairs.
+    /// The ill-conditioned picture's time divided by the ordinary one's, pair by pair.
     pub ratio: Estimate,
 }
 
-/// An ordinary and a stiff scene that show the same picture.
+/// An ordinary and an ill-conditioned scene that show the same picture.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// The family of scenes that are stiff in the same way.
+    /// The family whose scenes are ill-conditioned in the same way.
     family: &'static str,
-    /// In which way the second scene is stiff.
+    /// In which way the second scene is ill-conditioned.
     stiff: &'static str,
     ordinary: Scene,
     extreme: Scene,
 }
 
-/// The pairs, with pictures of this size.
+/// The pairs of scenes, with pictures of this size.
 fn pairs((width, height): (u32, u32)) -> [Pair; 3] {
     let [sphere, tetrahedron] = ["sphere", "tetrahedron"].map(|name| in_size(&subjects::shipped(name), width, height));
     let pair = |family, stiff, ordinary: &Scene, extreme| Pair { family, stiff, ordinary: ordinary.clone(), extreme };
@@ -57,8 +57,8 @@ fn pairs((width, height): (u32, u32)) -> [Pair; 3] {
     ]
 }
 
-/// The scene with its sphere moved to [`KAPPA`] radii, its lights with it, and its film made
-/// smaller so that the sphere fills as much of it as before.
+/// The scene with its sphere and its lights moved away to a distance of [`KAPPA`] radii, and its
+/// film reduced so that the sphere fills as much of it as before.
 fn far(scene: &Scene) -> Scene {
     let sphere = scene.spheres[0];
     let kappa = sphere.centre.length() / sphere.radius;
@@ -70,10 +70,10 @@ fn far(scene: &Scene) -> Scene {
     Scene { camera: camera.expect("a film of any size above 0 is within the limits"), ..far }
 }
 
-/// Times every contender on the pairs of some families, the two scenes in turns, with one thread.
+/// Times every contender on the pairs of `families`, the two scenes in turns, on one thread.
 ///
 /// # Errors
-/// An engine that cannot be prepared, or no memory.
+/// If an engine cannot be prepared, or if there is not enough memory.
 pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> Result<Vec<Cost>, LabError> {
     let (size, rounds) = SIZES[usize::from(!quick)];
     let mut costs = Vec::new();

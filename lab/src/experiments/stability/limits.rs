@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Stability, Worst};
 
-/// The limits of every engine on every family. `c` and `paper` have limits too, which say how far
+/// The limits of every engine on every family. `c` and `paper` have limits too, which show how far
 /// the paper's formulas hold. Engines with the same limits share a line.
 const CHECKED_IN: &str = include_str!("limits.csv");
 
@@ -15,17 +15,18 @@ pub struct Measure {
     /// The measure's column in `limits.csv`.
     column: &'static str,
     words: &'static str,
-    /// A limit below this need not be tightened.
+    /// A limit below this value need not be tightened.
     small: f64,
-    /// The least limit for a figure that is not 0: one pixel of a small picture, or the rounding of
-    /// f64.
+    /// The least limit for a figure that is not 0: it allows one pixel of a small picture, or the
+    /// rounding of f64.
     least: f64,
-    /// A promised bound: the limit does not exceed it unless the measured figure does.
+    /// A bound that the documentation promises. A proposed limit does not exceed it, unless the
+    /// measured figure does.
     promised: f64,
 }
 
 /// The measures, in the order of [`Figures`] and of the columns: errors at the worst level, then
-/// shares of its rays.
+/// shares of that level's rays.
 pub const MEASURES: [Measure; 7] = [
     Measure { column: "max_ulp", words: "the error of t in ulp", small: 0.1, least: 0.0, promised: f64::INFINITY },
     Measure {
@@ -54,18 +55,19 @@ pub const MEASURES: [Measure; 7] = [
     },
 ];
 const FEW: f64 = 1e-3;
-/// Up to this share of the rays may be off by one level: f32 rounds to another level where the true
-/// value is close to the next one. The larger errors of estimates differ between CPUs and are not
-/// counted here;
+/// The share of the rays that may be off by one level. f32 rounds to another level where the true
+/// value is close to the border between two. Larger errors, of estimated roots, differ between CPUs
+/// and are not counted here:
 /// [`Contender::levels_by_estimates`](super::super::accuracy::Contender::levels_by_estimates)
 /// bounds them on every CPU.
 const MANY: f64 = 0.1;
 /// A number for each of [`MEASURES`].
 pub type Figures = [f64; MEASURES.len()];
 
-/// A new limit is this many times the measured figure, since another seed may be a little worse.
+/// A proposed limit is the measured figure times this factor, since another seed may be a little
+/// worse.
 const ROOM: f64 = 1.5;
-/// A limit that exceeds this many times the measured figure could be tightened.
+/// A limit above the measured figure times this factor could be tightened.
 const LOOSE: f64 = 4.0;
 
 /// The limits of some engines on one family.
@@ -87,7 +89,7 @@ pub struct Limits(Vec<Limit>);
 pub struct Broken {
     /// The measured figure and the limit, in words.
     pub why: String,
-    /// The case that is worst by this measure.
+    /// The case that is the worst by this measure.
     pub case: usize,
 }
 
@@ -127,8 +129,8 @@ impl Limits {
         limits.collect::<Result<Vec<_>, _>>().map(Limits)
     }
 
-    /// The limit that applies to a row. Packets in Rust have that of the kernels without FMA whose
-    /// twins they are.
+    /// The limit that applies to a row. The packets in Rust have those of the kernels without FMA,
+    /// whose twins they are.
     fn of(&self, row: &Stability) -> Option<&Limit> {
         let engine = if row.engine == "portable" { "sse41" } else { &row.engine };
         let is_of = |limit: &&Limit| {
@@ -147,7 +149,7 @@ impl Limits {
         let above = checks.filter(|((_, worst), most)| worst.figure > *most || worst.figure.is_nan());
         let why = |((measure, worst), most): ((&Measure, Worst), f64)| {
             let Worst { figure, case, of_case } = worst;
-            // The figure that the command will show that repeats this case alone.
+            // The figure that `replay`'s command will show, which runs this case alone.
             let [found, alone] = [figure, of_case].map(two_digits);
             let alone = if alone == found { String::new() } else { format!(" ({alone} of case {case} alone)") };
             Broken { why: format!("{} is {found}{alone}, above {most}", measure.words), case }
@@ -155,7 +157,7 @@ impl Limits {
         above.map(why).collect()
     }
 
-    /// The limits of a row that could be tightened, in words.
+    /// Which limits of a row could be tightened, in words.
     pub fn tighter(&self, row: &Stability) -> Option<String> {
         let limit = self.of(row)?;
         let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
@@ -168,7 +170,7 @@ impl Limits {
     }
 }
 
-/// The table of the tightest limits that these rows would keep, with some room.
+/// A table of limits that these rows keep with some room, to be checked in.
 pub fn table(rows: &[Stability]) -> String {
     let mut text = header() + "\n";
     for row in rows {
@@ -184,13 +186,13 @@ pub fn table(rows: &[Stability]) -> String {
     text
 }
 
-/// A number with two digits, rounded up.
+/// A number in decimal with two significant digits, rounded up.
 fn two_digits(x: f64) -> String {
     if x == 0.0 || !x.is_finite() {
         return x.to_string();
     }
     let unit = 10f64.powi(x.log10().floor() as i32 - 1);
-    // If the number has only two digits but for binary rounding, it is not rounded up to the next.
+    // A number that has two digits, up to binary rounding, is not rounded up to the next one.
     let [up, near] = [(x / unit).ceil() * unit, x].map(|x| format!("{x:.1e}").parse::<f64>().unwrap_or(x));
     let rounded = if near >= x { near } else { up };
     if (1e-4..1e7).contains(&rounded) { rounded.to_string() } else { format!("{rounded:e}") }

@@ -1,4 +1,4 @@
-//! The operations by themselves: rays of any direction against one object.
+//! Single operations: rays of any direction tested against one object.
 
 use std::time::Instant;
 
@@ -31,42 +31,44 @@ pub struct OperationRow {
     pub precision: Name,
     pub from: String,
     pub to: String,
-    /// The least number of rays at any value of the parameter, each against one object.
+    /// The least number of rays at any value of the parameter; each is tested against one object.
     pub rays: usize,
     /// The largest error of t in units of its last place; null if there is nothing to hit.
     pub worst: Option<f64>,
-    /// The largest error of t as a share of the documented bound.
+    /// The largest relative error of t divided by its documented bound.
     pub bound: Option<f64>,
-    /// Wrong hits outside of the margin.
+    /// The number of wrong hits outside of the margin.
     pub wrong_hits: usize,
-    /// Rays that meet no triangle of a mesh that covers the picture; null if there is no mesh.
+    /// The number of rays that meet no triangle of a mesh that covers the picture; null for
+    /// families without a mesh.
     pub holes: Option<usize>,
-    /// The first value, from the ordinary one outwards, at which t exceeds its bound or a hit is
+    /// The first value, going away from the ordinary one, at which t exceeds its bound or a hit is
     /// wrong.
     pub breaks_at: Option<String>,
-    /// The largest ratio of the time at a value to that at the ordinary one.
+    /// The largest ratio of the time at a value to the time at the ordinary value.
     pub slowdown: f64,
 }
 
 /// The least number of rays at each value, in a quick sweep and in a full one.
 const RAYS: [usize; 2] = [3_000, 100_000];
-/// The number of objects among which these rays are divided.
+/// The number of objects among which the rays are divided.
 const OBJECTS: usize = 20;
 /// The number of timed runs, of which the fastest counts.
 const RUNS: usize = 5;
-/// Further values for f64 beyond those of a family: distances in radii, and units of length.
+/// Values for f64 beyond those of a family: `FURTHER` are distances in radii, `LARGER` units of
+/// length.
 const FURTHER: [f64; 4] = [1e9, 1e11, 1e13, 1e14];
 const LARGER: [f64; 9] = [1e-300, 1e-250, 1e-150, 1e-100, 1e-40, 1e60, 1e150, 1e250, 1e300];
 
-/// The object that rays are compared with.
+/// The object that rays are tested against.
 #[derive(Clone, Copy)]
 enum Shape {
     Sphere { centre: DVec3, radius: f64 },
     Triangle([DVec3; 3]),
 }
 
-/// A shape, and the parallelogram that rays are aimed through, which contains as much beside the
-/// shape as of it.
+/// A shape, and the parallelogram that rays are aimed at. About half of it lies beside the shape,
+/// so that some rays miss.
 struct Target {
     shape: Shape,
     parallelogram: Parallelogram,
@@ -77,7 +79,7 @@ struct Parallelogram {
     sides: [DVec3; 2],
 }
 
-/// A sweep over a family's parameter by single objects.
+/// A sweep over the parameter of a family, with a single object at each value.
 struct Sweep {
     id: &'static str,
     operation: &'static str,
@@ -100,10 +102,10 @@ fn point(rng: &mut Rng, across: f64, near: f64, far: f64) -> DVec3 {
     DVec3::new(between(rng, -across, across), between(rng, -across, across), between(rng, near, far))
 }
 
-/// The parallelogram through a sphere's centre, across the view, that reaches a little beyond the
-/// sphere's outline.
+/// The parallelogram through a sphere's centre, perpendicular to the view, that reaches a little
+/// beyond the sphere's outline.
 fn about(centre: DVec3, radius: f64) -> Parallelogram {
-    // Lengths are divided by the largest first, since their squares may exceed f64.
+    // Lengths are first divided by the largest component, since squares may exceed f64.
     let unit = centre.abs().max_element();
     let distance = (centre / unit).length();
     let (side, up) = (centre / unit / distance).any_orthonormal_pair();
@@ -111,7 +113,7 @@ fn about(centre: DVec3, radius: f64) -> Parallelogram {
     Parallelogram { corner: centre - seen * (side + up), sides: [2.0 * seen * side, 2.0 * seen * up] }
 }
 
-/// A sphere with the parallelogram about it.
+/// A sphere with the parallelogram around it.
 fn sphere_target(centre: DVec3, radius: f64) -> Target {
     Target { shape: Shape::Sphere { centre, radius }, parallelogram: about(centre, radius) }
 }
@@ -137,8 +139,8 @@ fn triangle_of_unit(unit: f64, rng: &mut Rng) -> Target {
     Target { shape: Shape::Triangle(vertices), parallelogram }
 }
 
-/// Rounds a number to f32 if `narrow`, as a scene would; those of f64 sweeps may be beyond its
-/// range.
+/// Rounds a number to f32 if `narrow`, as a scene does. The numbers of f64 sweeps may be beyond
+/// f32's range.
 fn rounded(narrow: bool, x: f64) -> f64 {
     if narrow { f64::from(x as f32) } else { x }
 }
@@ -156,7 +158,7 @@ struct Answers {
     ns: f64,
 }
 
-/// A shape, its rays, and the truth of each.
+/// A shape, some rays, and the true result of each ray.
 struct Held<E> {
     record: Vec<E>,
     unit: f64,
@@ -179,7 +181,8 @@ impl Shape {
         }
     }
 
-    /// The numbers of the shape's record for rays whose components are at most `reach`.
+    /// The numbers of the shape's record, for rays whose components are at most `reach` in
+    /// magnitude.
     fn record<E: PacketElement>(self, reach: [f64; 3]) -> InUnits<Vec<E>> {
         match self {
             Shape::Sphere { centre, radius } => {
@@ -226,12 +229,12 @@ impl Shape {
     }
 }
 
-/// Random rays of lengths from 1/2 to 1 through a parallelogram.
+/// Random rays with lengths from 1/2 to 1 through a parallelogram.
 fn aimed<E: PacketElement>(at: &Parallelogram, count: usize, rng: &mut Rng) -> Vec<[E; 3]> {
     let ray = |rng: &mut Rng| {
         let Parallelogram { corner, sides: [one, other] } = *at;
         let place = corner + between(rng, 0.0, 1.0) * one + between(rng, 0.0, 1.0) * other;
-        // Divided by the largest component first, since the squares may exceed f64.
+        // The vector is first divided by its largest component, since squares may exceed f64.
         let direction = (place / place.abs().max_element()).normalize();
         (between(rng, 0.5, 1.0) * direction).to_array().map(E::from_f64)
     };
@@ -266,7 +269,7 @@ fn reach_of<E: PacketElement>(rays: &[[E; 3]]) -> [f64; 3] {
     std::array::from_fn(|axis| rays.iter().map(|ray| ray[axis].to_f64().abs()).fold(0.0, f64::max))
 }
 
-/// Arranges rays in whole packets of `lanes`; the last packet is filled up with rays of direction
+/// Arranges rays in whole packets of `lanes`. The last packet is filled up with rays of direction
 /// 0.
 fn packed<E: PacketElement>(rays: &[[E; 3]], lanes: usize) -> Vec<E> {
     let of = |rays: &[[E; 3]]| {
@@ -280,11 +283,11 @@ fn op_of<E: PacketElement>(isa: Isa, name: &str) -> Option<&'static PacketOp<E>>
     packet_ops::<E>(isa)?.iter().find(|op| op.name == name)
 }
 
-/// Families whose objects are tested with the rays of their scene's own picture.
+/// The families whose objects are tested with the rays of their scene's picture.
 const PICTURES: [&str; 10] = ["S2", "S4", "S5", "S6", "S8", "T1", "T2", "T3", "T4", "T7"];
 
-/// Sweeps the operations over those of `families` whose scenes consist of single objects, and over
-/// the meshes of T6 in search of cracks.
+/// Tests the operations on those of `families` whose scenes consist of single objects, and on the
+/// meshes of T6 in search of cracks.
 pub fn sweep(families: &[&Family], seed: u64, quick: bool) -> Vec<OperationRow> {
     let both = |family: &&Family| {
         [of_precision::<f32>(family, seed, quick), of_precision::<f64>(family, seed, quick)].concat()
@@ -314,7 +317,7 @@ fn is_double<E: PacketElement>() -> bool {
     size_of::<E>() == size_of::<f64>()
 }
 
-/// A row whose figures are still empty.
+/// A row without figures yet.
 fn empty<E: PacketElement>(family: &'static str, operation: &'static str, isa: Isa) -> OperationRow {
     let precision = if is_double::<E>() { Precision::Double } else { Precision::Single }.name();
     OperationRow {
@@ -330,11 +333,11 @@ fn usable() -> impl Iterator<Item = Isa> {
     Isa::ALL.into_iter().filter(|isa| isa.usable())
 }
 
-/// One operation over the values of one parameter.
+/// One operation and the values of one parameter.
 struct Over<'a> {
     id: &'static str,
     operation: &'static str,
-    /// The values as they are printed, and the index of the ordinary one.
+    /// The values as they are printed; `ordinary` is the index of the ordinary one.
     values: &'a [String],
     ordinary: usize,
 }
@@ -393,7 +396,7 @@ fn of_pictures<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec
     rows_of(&over, |level| held(level, operation))
 }
 
-/// What was found at one value of the parameter for one instruction set.
+/// What was found at one value of the parameter, for one instruction set.
 struct FoundAtValue {
     errors: Errors,
     ns_per_object: f64,
@@ -406,7 +409,8 @@ impl FoundAtValue {
     }
 }
 
-/// A row for each instruction set. `held` makes the shapes, their rays and the truth at a value.
+/// A row for each instruction set. `held` makes the shapes at a value, with their rays and true
+/// results.
 fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E>>) -> Vec<OperationRow> {
     let isas: Vec<_> = usable().collect();
     // For each instruction set, what was found at each value.
@@ -430,14 +434,14 @@ fn find_at_value<E: PacketElement>(op: &PacketOp<E>, held: &[Held<E>]) -> FoundA
         for (expected, t) in held.expected.iter().zip(answers.t) {
             let object = expected.hit.as_ref().map_or(Object::Sphere(0), |hit| hit.object);
             let hit = Found { object, distance: Distance::T(t), normal: None };
-            // Infinity is a miss; a NaN is a hit that is wrong.
+            // Infinity means a miss; a NaN counts as a hit that is wrong.
             tally.add(expected, (t != f64::INFINITY).then_some(&hit), Colour::Levels([0; 3]));
         }
     }
     FoundAtValue { errors: tally.errors(), ns_per_object: ns / held.len() as f64 }
 }
 
-/// The row of an instruction set, from what was found at each value.
+/// The row of an instruction set, from its results at each value.
 fn row_of<E: PacketElement>(over: &Over<'_>, isa: Isa, found: &[FoundAtValue]) -> OperationRow {
     let Over { id, operation, values, ordinary } = *over;
     let largest = |of: fn(&Errors) -> Option<f64>| found.iter().filter_map(|found| of(&found.errors)).reduce(f64::max);
@@ -456,8 +460,8 @@ fn row_of<E: PacketElement>(over: &Over<'_>, isa: Isa, found: &[FoundAtValue]) -
     }
 }
 
-/// Tests the meshes that cover their picture triangle by triangle, and counts the rays that meet no
-/// triangle although, in exact arithmetic, each meets one.
+/// Tests every triangle of the meshes that cover their picture, and counts the rays that meet no
+/// triangle although each meets one in exact arithmetic.
 fn of_meshes<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
     let case = |level: usize| family.case(level * family.variants.len(), seed, side(family, quick));
     let cases: Vec<_> = (0..family.levels.len()).map(case).filter(|case| case.covered).collect();
@@ -505,13 +509,13 @@ fn find_holes<E: PacketElement>(op: &PacketOp<E>, scene: &Scene, rays: &[[E; 3]]
     Holes { holes: hit.iter().filter(|hit| !**hit).count(), ns_per_ray: median(&times) / rays.len() as f64 }
 }
 
-/// An ordinary sphere and triangle of which each number in turn is made NaN or infinite, and rays
-/// with such numbers: nothing may be hit.
+/// Tests an ordinary sphere and triangle of which each number in turn is made NaN or infinite, and
+/// rays with such numbers. Nothing may be hit.
 fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
     SWEEPS[1..].iter().flat_map(|sweep| not_numbers_of::<E>(sweep, seed, rays)).collect()
 }
 
-/// A shape and rays, in which at most one number is none.
+/// A shape and rays, in which at most one number is not finite.
 struct Spoilt<E> {
     shape: Shape,
     rays: Vec<[E; 3]>,
@@ -529,7 +533,7 @@ fn not_numbers_of<E: PacketElement>(sweep: &Sweep, seed: u64, rays: usize) -> Ve
     let held = |case: usize| {
         let Spoilt { shape, rays } = &cases[case];
         let InUnits { record, unit } = shape.record(reach);
-        // Only the time of the ordinary case is used.
+        // Of the ordinary case, the first, only the time is used.
         let miss = TruePixel { hit: None, margin: f64::INFINITY };
         let expected = vec![miss; if case == 0 { 0 } else { rays.len() }];
         vec![Held { record, unit, rays: rays.clone(), expected }]
@@ -537,8 +541,8 @@ fn not_numbers_of<E: PacketElement>(sweep: &Sweep, seed: u64, rays: usize) -> Ve
     rows_of(&over, held).into_iter().map(|row| OperationRow { rays: rays.len(), ..row }).collect()
 }
 
-/// First the shape and the rays as they are, then with each number of the shape in turn made NaN
-/// and infinite, and each component of all rays NaN.
+/// First the shape and the rays as they are; then each number of the shape in turn NaN, and
+/// infinite; then each component of all rays NaN.
 fn spoilt_cases<E: PacketElement>(shape: Shape, rays: &[[E; 3]]) -> Vec<Spoilt<E>> {
     let mut cases = vec![Spoilt { shape, rays: rays.to_vec() }];
     let count = { shape }.numbers().len();

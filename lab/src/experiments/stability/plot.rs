@@ -6,8 +6,8 @@ use plotters::style::FontTransform;
 use super::{Cell, StabilityReport};
 use crate::experiments::svg::{Area, FONT, PlotError, draw, text_width, write};
 
-/// In pixels: the size of a cell, the width of the names at the left, and the height of the title
-/// and legend above.
+/// Lengths in pixels: the size of a cell, the width of the names at the left, and the height of the
+/// title and legend above the cells.
 const CELL: (i32, i32) = (12, 20);
 const LEFT: i32 = 130;
 const TOP: i32 = 92;
@@ -19,8 +19,8 @@ const WIDTH: i32 = 1240;
 /// The most columns of a family. If it has more levels, each column shows the worst of several.
 const COLUMNS: usize = 14;
 
-/// The colours and their meanings, from good to bad. Worse ones are darker, so that lightness alone
-/// distinguishes them.
+/// The colours and their meanings, from good to bad. Worse ones are darker, so that they can be
+/// told apart by lightness alone.
 pub const SHADES: [(&str, RGBColor); 7] = [
     ("nothing is hit", RGBColor(240, 240, 240)),
     ("t within half of its bound", RGBColor(211, 239, 208)),
@@ -45,13 +45,13 @@ pub fn shade(cell: &Cell) -> usize {
     }
 }
 
-/// A part of a row of the figure: a family, and the value of its parameter in each column.
-struct Part<'a> {
+/// A family's part of a row of the figure, and the value of its parameter in each column.
+struct FamilyInRow<'a> {
     family: &'a str,
     values: Vec<&'a str>,
 }
 
-impl Part<'_> {
+impl FamilyInRow<'_> {
     fn columns(&self) -> usize {
         self.values.len().min(COLUMNS)
     }
@@ -68,20 +68,20 @@ impl Part<'_> {
 /// Draws the heat map.
 pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
     let mut names: Vec<(&str, &str)> = Vec::new();
-    let mut parts: Vec<Part<'_>> = Vec::new();
+    let mut parts: Vec<FamilyInRow<'_>> = Vec::new();
     for cell in &document.cells {
         if !names.contains(&cell.contender()) {
             names.push(cell.contender());
         }
         if parts.last().is_none_or(|part| part.family != cell.family) {
-            parts.push(Part { family: &cell.family, values: Vec::new() });
+            parts.push(FamilyInRow { family: &cell.family, values: Vec::new() });
         }
         let values = &mut parts.last_mut().expect("it was made").values;
         values.resize(values.len().max(cell.level + 1), "");
         values[cell.level] = &cell.value;
     }
-    // Families fill a row as far as they fit; the next ones are below.
-    let mut rows: Vec<Vec<Part<'_>>> = vec![Vec::new()];
+    // Families fill a row until the next one does not fit; then another row begins below.
+    let mut rows: Vec<Vec<FamilyInRow<'_>>> = vec![Vec::new()];
     let mut used = LEFT;
     for part in parts {
         used += part.width();
@@ -91,8 +91,8 @@ pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
         }
         rows.last_mut().expect("there is one").push(part);
     }
-    // The height of a row: its cells, and below them the longest of their values.
-    let below = |parts: &Vec<Part<'_>>| {
+    // The height of a row is that of its cells and, below them, of the longest value.
+    let below = |parts: &Vec<FamilyInRow<'_>>| {
         let values = parts.iter().flat_map(|part| &part.values);
         values.map(|value| text_width(value, VALUE)).max().unwrap_or(0) + 16
     };
@@ -135,7 +135,7 @@ fn draw_legend(area: &Area<'_>) -> Result<(), PlotError> {
 fn draw_part(
     area: &Area<'_>,
     document: &StabilityReport,
-    part: &Part<'_>,
+    part: &FamilyInRow<'_>,
     names: &[(&str, &str)],
     (left, top): (i32, i32),
 ) -> Result<(), PlotError> {

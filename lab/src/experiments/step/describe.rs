@@ -1,4 +1,4 @@
-//! Describes an instruction in its source's words, and what it changed.
+//! Describes an instruction as its source has it, and what it changed.
 
 use std::ops::Range;
 
@@ -15,12 +15,12 @@ use rayo::internals::kernels::step::Step;
 /// An executed instruction.
 #[derive(Clone, Debug, Serialize)]
 pub struct Line {
-    /// Its number among all instructions that the kernels executed, including those that are not
-    /// shown, counted from 0.
+    /// Its number among all instructions that the kernels executed, shown or not, counted from 0.
     pub number: u64,
     /// The disassembled instruction, in Intel's syntax.
     pub text: String,
-    /// The instruction as its source has it, with the names that the macro gives its parameters.
+    /// The instruction as it stands in its source, with the names that the macro gives its
+    /// parameters.
     pub source: String,
     pub comment: &'static str,
     /// The source file.
@@ -29,23 +29,22 @@ pub struct Line {
     pub kernel: String,
     /// The macros that it comes from, outermost first.
     pub macros: Vec<MacroCall>,
-    /// What it wrote, except flags.
+    /// What the instruction wrote, except flags.
     pub changed: Vec<Change>,
-    /// What it compared, in words.
+    /// The numbers that the instruction compared, in words.
     pub compared: Option<String>,
     pub branch: Option<Branch>,
     /// The number of bits that cancelled, for each element that is shown.
     pub cancelled_bits: Vec<Option<u32>>,
-    /// If the model does not know the instruction, why; if the CPU's result differs from the
-    /// model's, how.
+    /// Why the model does not know the instruction, or how the CPU's result differs from the
+    /// model's. None if both agree.
     pub unknown: Option<String>,
-    /// Whether exact values would decide its comparison or selection otherwise.
+    /// Whether exact values would decide the instruction's comparison or selection differently.
     pub overturned: bool,
-    /// Whether something that it wrote counts as exact from here on although its operands were not
-    /// exact.
+    /// Whether some result counts as exact from here on although its operands were not exact.
     pub restarted: bool,
-    /// Whether the pixel depends on what it wrote. Other instructions are shown because they read
-    /// the pixel's data or decide something.
+    /// Whether the pixel depends on what the instruction wrote. Other instructions are shown
+    /// because they read data of the pixel or decide a jump.
     pub made: bool,
 }
 
@@ -61,18 +60,18 @@ pub struct MacroCall {
 pub struct Change {
     /// The register, or the operand in memory.
     pub register: String,
-    /// The source's name for it.
+    /// The name that the source gives the register or the memory.
     pub name: String,
     /// The numbers of the elements that are shown.
     pub lanes: Vec<usize>,
-    /// Their values before.
+    /// The values of these elements before the instruction.
     pub before: Vec<Value>,
-    /// Their values after.
+    /// The values of these elements after the instruction.
     pub after: Vec<Value>,
-    /// Their distances from the exact values, in units of the last place; null where no exact value
-    /// is known.
+    /// The errors of these elements, in units of the last place; null where no exact value is
+    /// known.
     pub error_ulp: Vec<Option<f64>>,
-    /// The part of these errors that this instruction added by rounding; the rest came with its
+    /// The part of these errors that the instruction added by rounding. The rest came with its
     /// operands.
     pub added_ulp: Vec<Option<f64>>,
     /// For sums, how many leading bits cancelled.
@@ -95,7 +94,7 @@ pub enum Value {
 #[derive(Clone, Debug, Serialize)]
 pub struct Branch {
     pub taken: bool,
-    /// The comparison that decided it, if it is conditional.
+    /// The comparison that decided the jump; empty for an unconditional one.
     pub why: String,
 }
 
@@ -130,7 +129,7 @@ impl Kind {
 
 impl Line {
     /// How many units of the last place the instruction cost: the rounding error that it added, and
-    /// the amplification of inherited errors by cancellation.
+    /// the amplification of its operands' errors by cancellation.
     pub fn cost(&self) -> f64 {
         let cost = |change: &Change| {
             let parts = change.error_ulp.iter().zip(&change.added_ulp).zip(&change.cancelled_bits);
@@ -163,12 +162,11 @@ pub fn unknown(error: &StepError) -> Option<String> {
 /// A step as the document shows it.
 pub struct DescribedStep {
     pub line: Line,
-    /// The instruction decoded as for counting instructions by kind.
+    /// The instruction, decoded for counting instructions by kind.
     pub instruction: Instruction,
 }
 
-/// The elements that an instruction wrote in one register or in memory, counted as lanes of one
-/// width.
+/// The elements that an instruction wrote to one register or to memory, as lanes of one width.
 struct WrittenLanes {
     place: Place,
     kind: Kind,
@@ -177,7 +175,7 @@ struct WrittenLanes {
 }
 
 impl WrittenLanes {
-    /// Those of `place`, in an instruction whose elements are of this kind.
+    /// The elements in `place`, written by an instruction whose elements are of this kind.
     fn new(place: Place, kind: Kind, step: &Step<'_>) -> Self {
         let kind = match place {
             Place::General(_) => Kind::Whole(64),
@@ -188,12 +186,12 @@ impl WrittenLanes {
         WrittenLanes { place, kind, base }
     }
 
-    /// General registers and masks are shown whole.
+    /// Whether the place is shown as a single value: a general register or a mask.
     fn is_whole(&self) -> bool {
         matches!(self.place, Place::General(_) | Place::Mask(_))
     }
 
-    /// The lanes that contain some of these bits.
+    /// The lanes that contain at least one of these bits.
     fn of_bits(&self, from: u64, to: u64) -> Range<u64> {
         let bits = u64::from(self.kind.bits());
         (from - self.base) / bits..(to - self.base).div_ceil(bits)
@@ -204,22 +202,23 @@ impl WrittenLanes {
         Element { place: self.place, at: self.base + lane * u64::from(bits), bits }
     }
 
-    /// The lanes that were written, except those that were only zeroed.
+    /// The lanes that were written, except those that were set to zero as the upper part of a
+    /// register.
     fn written(&self, operations: &[Operation]) -> Vec<u64> {
         let here = operations.iter().filter(|operation| operation.to.place == self.place && !is_zero(operation));
         here.flat_map(|operation| self.of_bits(operation.to.at, operation.to.end())).collect()
     }
 
-    /// The lanes on which the pixel depends.
-    fn needed(&self, operations: &[Operation], part: &slice::Part) -> Vec<u64> {
+    /// The written lanes on which the pixel depends.
+    fn needed(&self, operations: &[Operation], part: &slice::Contribution) -> Vec<u64> {
         let bits_of_unit = if matches!(self.place, Place::Mask(_)) { 1 } else { 8 };
         let here = part.made.iter().filter(|made| operations[made.operation].to.place == self.place);
         here.flat_map(|made| self.of_bits(bits_of_unit * made.units.start, bits_of_unit * made.units.end)).collect()
     }
 }
 
-/// The registers and the memory that operations wrote, in their order, except flags, the
-/// instruction pointer and the stack pointer.
+/// The registers and the memory that the operations wrote, in order, except flags, the instruction
+/// pointer and the stack pointer.
 fn written_places(operations: &[Operation]) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::new();
     for Operation { to: Element { place, .. }, .. } in operations {
@@ -247,8 +246,8 @@ impl Describer {
         Describer { unit, lane, formatter }
     }
 
-    /// Describes a step of which the pixel needs `part`.
-    pub fn line(&mut self, shadowed: &ShadowedStep<'_>, part: &slice::Part) -> DescribedStep {
+    /// Describes a step; `part` is what it contributes to the pixel.
+    pub fn line(&mut self, shadowed: &ShadowedStep<'_>, part: &slice::Contribution) -> DescribedStep {
         let ShadowedStep { step, error } = shadowed;
         let raw = decode(step);
         let instruction = instructions::decode(&step.code[..raw.len()], step.before.rip).next();
@@ -267,8 +266,8 @@ impl Describer {
         };
         let compared = self.comparison(step, &raw, &place, kind);
         let cancelled_bits = changed.iter().flat_map(|change| change.cancelled_bits.clone()).collect();
-        // Padding has no source line, and a source with a % is full of NASM's own names: both are
-        // shown disassembled.
+        // Padding has no source line, and a source line with a % consists mostly of NASM's
+        // preprocessor names. Both are shown as disassembled.
         let is_of_nasm = place.line == 0 || place.source.contains('%');
         let source = if is_of_nasm { text.clone() } else { place.source.clone() };
         let line = Line {
@@ -292,11 +291,18 @@ impl Describer {
         DescribedStep { line, instruction }
     }
 
-    /// What the operations wrote: a change for each register or address, with the elements that
-    /// belong to the pixel or to the lane.
-    fn changes(&self, shadowed: &ShadowedStep<'_>, part: &slice::Part, origin: &Origin, kind: Kind) -> Vec<Change> {
+    /// What the operations wrote: a change for each register or memory operand, with the elements
+    /// that belong to the pixel or to the followed lane.
+    fn changes(
+        &self,
+        shadowed: &ShadowedStep<'_>,
+        part: &slice::Contribution,
+        origin: &Origin,
+        kind: Kind,
+    ) -> Vec<Change> {
         let ShadowedStep { step, error } = shadowed;
-        // Registers that are saved on the stack are not shown as changes.
+        // Pushes, pops, calls and returns save registers or addresses, which are not shown as
+        // changes.
         let name = decode(step).mnemonic();
         if matches!(name, Mnemonic::Push | Mnemonic::Pop | Mnemonic::Call | Mnemonic::Ret) {
             return Vec::new();
@@ -313,8 +319,8 @@ impl Describer {
     }
 
     /// The lanes of a register or of memory that are shown, in order: those on which the pixel
-    /// depends, or else the lane that is followed. Without such a lane, the first four.
-    fn shown_lanes(&self, written: &WrittenLanes, operations: &[Operation], part: &slice::Part) -> Vec<u64> {
+    /// depends. Without any, the lane that is followed; without such a lane, the first four.
+    fn shown_lanes(&self, written: &WrittenLanes, operations: &[Operation], part: &slice::Contribution) -> Vec<u64> {
         let is_whole = written.is_whole();
         let mut lanes = written.needed(operations, part);
         if let (true, Some(followed)) = (lanes.is_empty(), self.lane) {
@@ -330,7 +336,7 @@ impl Describer {
         lanes
     }
 
-    /// The change of these lanes.
+    /// How the given lanes changed.
     fn change(&self, shadowed: &ShadowedStep<'_>, written: &WrittenLanes, lanes: &[u64], origin: &Origin) -> Change {
         let ShadowedStep { step, error } = shadowed;
         let elements: Vec<_> = lanes.iter().map(|lane| written.element(*lane)).collect();
@@ -378,8 +384,8 @@ impl Describer {
         Some(format!("{a_name} = {a} {relation} {b_text}"))
     }
 
-    /// An operand of a comparison whose elements are of this kind. None if it is not a register,
-    /// memory or a number.
+    /// An operand of a comparison, whose elements are of this kind. None if it is neither register
+    /// nor memory nor an immediate number.
     fn compared_operand(
         &self,
         step: &Step<'_>,
@@ -408,20 +414,19 @@ impl Describer {
     }
 }
 
-/// An operand of a comparison: its name in the source's words, empty for a number, and its value.
+/// An operand of a comparison: the source's name for it, empty for a number, and its value.
 struct ComparedOperand {
     name: String,
     value: Value,
 }
 
-/// Whether an operation only zeroes an element, such as the upper part of a register.
+/// Whether an operation only zeroes an element beyond the lowest 128 bits of a register.
 fn is_zero(operation: &Operation) -> bool {
     operation.what == What::Computed(0) && operation.from.is_empty() && operation.to.at >= 128
 }
 
-/// The origin of an instruction, in the macro in which a reader looks for it: the macros of isa.inc
-/// and packet.inc, which each stand for one operation on every lane, are taken as the instruction
-/// itself.
+/// The origin of an instruction, in the macro where a reader looks for it. Macros of isa.inc and
+/// packet.inc stand for one operation on every lane and are taken for the instruction itself.
 #[derive(Default)]
 pub struct Origin {
     pub file: &'static str,
@@ -431,7 +436,7 @@ pub struct Origin {
     pub source: String,
     /// The macro calls around it, outermost first.
     pub calls: Vec<usize>,
-    /// The operand in memory, in the source's words.
+    /// The operand in memory, as the source names it.
     memory: String,
 }
 
@@ -461,7 +466,7 @@ impl Origin {
         self.calls.iter().map(call).collect()
     }
 
-    /// The name that the innermost macro with a name for the register gives it.
+    /// The name that the innermost macro which names the register gives it.
     fn name_of(&self, unit: &Unit, register: &str) -> Option<String> {
         self.calls.iter().rev().find_map(|&call| {
             let Call { of, arguments, .. } = &unit.calls[call];
@@ -473,13 +478,13 @@ impl Origin {
     }
 }
 
-/// A line of the source in which the % marks of NASM's parameters are left out, and numbered
-/// parameters are replaced by their arguments.
+/// A source line without the % marks of NASM's parameters, in which numbered parameters are
+/// replaced by their arguments.
 fn in_words(text: &str, within: Option<&Call>, parameters: &[Parameter]) -> String {
     let arguments = within.map_or(&[][..], |call| &call.arguments);
     let named = || parameters.iter().map(|parameter| parameter.name).zip(arguments);
     let mut words = text.replace("%%", "");
-    // Names that NASM pastes together.
+    // Names of parameters that NASM pastes to other text.
     for (name, argument) in named() {
         words = words.replace(&format!("%+ {name}"), &format!("%+ {argument}"));
         words = words.replace(&format!("{name} %+"), &format!("{argument} %+"));
@@ -514,7 +519,7 @@ pub fn same_register(a: &str, b: &str) -> bool {
 /// The kind of the elements of an instruction's result.
 fn kind_of(raw: &iced_x86::Instruction, kernel: &str) -> Kind {
     let name = format!("{:?}", raw.mnemonic()).to_lowercase();
-    // Integer shuffles move floats too, so that their elements are not taken for integers.
+    // Shuffles of integers move floats too, so that their elements are not taken for integers.
     let whole = name.starts_with('p') && !name.starts_with("pshufd")
         || name.starts_with("vp") && !name.starts_with("vperm") && !name.starts_with("vpshufd")
         || name.ends_with("2dq")
@@ -531,7 +536,7 @@ fn kind_of(raw: &iced_x86::Instruction, kernel: &str) -> Kind {
     }
 }
 
-/// The name of a register, in the width that was written.
+/// The name of a register in the width that was written.
 fn register_name(of: Place, operations: &[Operation]) -> String {
     let register = match of {
         Place::General(number) => Register::RAX + u32::from(number),
@@ -590,7 +595,7 @@ impl std::fmt::Display for Value {
             Value::Single(value) => write!(f, "{value:e}"),
             Value::Double(value) if plain(value) => write!(f, "{value}"),
             Value::Double(value) => write!(f, "{value:e}"),
-            // Large values are addresses or bits, and are shown in hexadecimal.
+            // Large values are addresses or bit patterns, and are shown in hexadecimal.
             Value::Bits(value) if value < 1 << 20 => write!(f, "{value}"),
             Value::Bits(value) => write!(f, "{value:#x}"),
             Value::Mask(value) => write!(f, "{value:#b}"),

@@ -1,13 +1,14 @@
 //! A model of what an instruction does, as operations on elements of registers and memory.
 //!
-//! Its predictions are compared with the CPU at every step.
+//! The predictions of the model are compared with the CPU at every step.
 //!
-//! An operation computes one element from others, as they were before the instruction. For
-//! floating-point numbers the model names the computation, so that it can be repeated with other
-//! numbers. For integers in vectors it gives the result; for general registers only the elements on
-//! which the result depends. Selections (by a mask, an index, or the comparison of a minimum) are
-//! resolved, and the elements that decided them are listed; where one bit decided, the model also
-//! names the operands that the instruction would have taken otherwise.
+//! An operation computes one element from the values that other elements had before the
+//! instruction. For floating-point numbers the model names the computation, so that it can be
+//! repeated with other numbers. For integers in vectors it gives the result. For general registers
+//! it only gives the elements on which the result depends. A selection (by a mask, by an index, or
+//! by the comparison of a minimum) appears as what was selected, with the elements that decided it;
+//! where a single bit decided, the model also gives the operands that the other value of the bit
+//! would have selected.
 
 mod arithmetic;
 mod check;
@@ -33,14 +34,14 @@ const CHANGES_RESULTS: u32 = 0xe040;
 /// A place that contains elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
-    /// A general register, by its number.
+    /// A general register, by the number that instructions encode.
     General(u8),
     /// zmm0 to zmm31, whose first bytes are ymm and xmm.
     Vector(u8),
     /// k0 to k7.
     Mask(u8),
     Flags,
-    /// The instruction pointer, after the instruction.
+    /// The address of the next instruction.
     Next,
     Memory,
 }
@@ -50,15 +51,15 @@ pub enum Place {
 pub struct Element {
     /// The place that contains it.
     pub place: Place,
-    /// The number of its first bit in that place; in memory, eight times the address.
+    /// The number of the element's first bit in its place; in memory, eight times its address.
     pub at: u64,
-    /// Its number of bits; 1 for a flag, and for a lane's bit of a mask.
+    /// Its number of bits, which is 1 for a flag and for a lane's bit of a mask.
     pub bits: u32,
 }
 
 impl Element {
-    /// The element of `bytes` bytes that begins at byte `byte` of a place; in memory, at that
-    /// address.
+    /// An element of `bytes` bytes that begins at byte `byte` of a place; in memory, at the address
+    /// `byte`.
     pub fn new(place: Place, byte: u64, bytes: u32) -> Self {
         Element { place, at: 8 * byte, bits: 8 * bytes }
     }
@@ -67,36 +68,37 @@ impl Element {
         Element { place, at: at.into(), bits: 1 }
     }
 
-    /// The number of the bit after its last.
+    /// The number of the bit after the element's last.
     pub fn end(&self) -> u64 {
         self.at + u64::from(self.bits)
     }
 
-    /// Whether the two have a bit in common.
+    /// Whether the two elements have a bit in common.
     pub fn overlaps(&self, other: &Element) -> bool {
         self.place == other.place && self.at < other.end() && other.at < self.end()
     }
 }
 
-/// How an element is computed from the elements `from`, the first three of which are called `a`,
+/// How an element is computed from the operands `from`, the first three of which are called `a`,
 /// `b` and `c`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum What {
     /// `a`.
     Copy,
-    /// This value, computed from integers or bits.
+    /// The given value, which the model has computed from integers or bits.
     Computed(u64),
-    /// Whatever the CPU computed, in general registers, masks and flags: addresses, counts and
-    /// conditions.
+    /// The CPU's own result, which the model does not predict: addresses, counts and conditions in
+    /// general registers, masks and flags.
     Found,
-    /// A bitwise function by a truth table, as in `vpternlogd`: bit 4a + 2b + c of the table.
+    /// A bitwise function given by its truth table, as in `vpternlogd`: the result is bit 4a + 2b +
+    /// c of the table.
     Logic(u8),
     /// A floating-point computation in this format.
     Float(Number, Float),
-    /// `a` converted from the first format to the second: rounded to nearest, or towards 0 for
-    /// integers.
+    /// `a` converted from the first format to the second; rounded to nearest or, to integers,
+    /// towards 0.
     Convert(Number, Number),
-    /// All ones or all zeros: whether a predicate of `vcmpps` holds of `a` and `b`.
+    /// All ones if a predicate of `vcmpps` holds for `a` and `b`, else all zeros.
     Compare(Number, u8),
 }
 
@@ -114,9 +116,9 @@ pub enum Float {
         /// Whether c is negated.
         addend: bool,
     },
-    /// a if it is less, else b.
+    /// The minimum: a if it is less than b, else b.
     Min,
-    /// a if it is greater, else b.
+    /// The maximum: a if it is greater than b, else b.
     Max,
     /// a rounded to a whole number.
     Round(Rounding),
@@ -131,14 +133,14 @@ pub struct Operation {
     /// The computation.
     pub what: What,
     pub from: Vec<Element>,
-    /// The elements that decided on these operands: bits of masks, indices, compared numbers.
+    /// The elements that selected these operands: bits of masks, indices, compared numbers.
     pub by: Vec<Element>,
-    /// The computation and operands if the last of `by` had the other value; None where that is not
-    /// a single bit.
+    /// The computation and operands that would have been selected if the last element of `by` had
+    /// the other value; None where that element is more than a bit.
     pub otherwise: Option<Alternative>,
 }
 
-/// The choice that an instruction did not take.
+/// The alternative that an instruction did not select.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alternative {
     pub what: What,
@@ -146,7 +148,7 @@ pub struct Alternative {
 }
 
 impl Operation {
-    /// All elements on which the result depends, except for addresses.
+    /// All elements on which the result depends, except those that only make up addresses.
     pub fn sources(&self) -> impl Iterator<Item = &Element> {
         self.from.iter().chain(&self.by)
     }
@@ -155,7 +157,7 @@ impl Operation {
 /// Why there is no model of an instruction.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unknown {
-    /// The model does not know it, or not with these operands.
+    /// The model does not know the instruction, or not with these operands.
     #[error("{name} with these operands ({bytes:02x?}) is not known")]
     Instruction {
         /// Its name, as in Intel's manual.
@@ -172,8 +174,8 @@ pub enum Unknown {
     },
 }
 
-/// The operations of the instruction of `step`. All elements in `from` and `by` have their values
-/// from before the instruction, even if it overwrites them.
+/// The operations of the instruction in `step`. All elements in `from` and `by` mean values from
+/// before the instruction, even if the instruction overwrites them.
 ///
 /// # Errors
 /// If there is no model of the instruction.

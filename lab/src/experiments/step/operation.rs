@@ -1,4 +1,4 @@
-//! One operation on given vectors, by the kernels that tests and counts call.
+//! One operation on given vectors, by the kernels that tests and counts also call.
 
 use super::WatchError;
 use crate::experiments::check::inputs::Input;
@@ -8,7 +8,7 @@ use rayo::internals::reference::aos::Form;
 use rayo::internals::render::{Engine, EngineError};
 use rayo::internals::scene::brief;
 
-/// An upper bound on the instructions of an operation.
+/// An upper bound on the instructions that one operation executes.
 pub const MOST: usize = 1000;
 
 pub struct Operation {
@@ -35,7 +35,7 @@ impl Of {
         match self {
             Of::Packet(_, op) => op.shape.b_numbers,
             Of::Paper(_, OpRef::Scale(_)) => 1,
-            // Which single-vector operations do not read b is taken from their packet forms.
+            // Whether a single-vector operation reads b is taken from its packet form.
             Of::Paper(name, _) => {
                 let on_packets =
                     kernels::packet_ops::<f32>(Isa::Sse41).into_iter().flatten().find(|op| op.name == *name);
@@ -45,7 +45,7 @@ impl Of {
     }
 }
 
-/// The operations of an engine that take only vectors.
+/// The operations of an engine whose operands are all vectors or numbers.
 fn on_vectors(engine: Engine, isa: Isa) -> Option<Vec<Of>> {
     if engine == Engine::Paper {
         let is_on_vectors = |op: &OpRef| matches!(op, OpRef::Vector(_) | OpRef::Scale(_) | OpRef::Scalar(_));
@@ -75,8 +75,8 @@ impl Operation {
         };
         let of = ops.swap_remove(place);
         let Ok(a) = <[f32; 3]>::try_from(a) else {
-            // The message names the missing second operand too, so that one attempt shows all that
-            // is needed.
+            // The message also names the second operand if it is missing, so that one attempt shows
+            // all that is needed.
             let second = ["", " and a number: --b 0.5", "", " and a second one: --b 4,5,6"][of.b_numbers()];
             return error(format!("`{name}` takes a vector of three numbers: --a 1,2,3{second}"));
         };
@@ -102,7 +102,7 @@ impl Operation {
             Of::Paper(_, OpRef::Scalar(op)) => vec![op.call(&a, &b)],
             Of::Paper(..) => unreachable!("operations on vectors alone"),
             Of::Packet(_, op) => {
-                // All lanes have the same vector; each of its components is a packet.
+                // All lanes hold the same vector; each of its components is a packet.
                 let packet = |vector: [f32; 3], numbers: usize| -> Vec<f32> {
                     vector[..numbers].iter().flat_map(|&v| vec![v; op.lanes]).collect()
                 };
@@ -113,7 +113,7 @@ impl Operation {
         }
     }
 
-    /// Compares the operation on these vectors with its twin.
+    /// Compares the operation's result on these vectors with its twin's.
     ///
     /// # Errors
     /// If the result is wrong, a rule of the calling convention is broken, or the kernel crashes.

@@ -1,25 +1,25 @@
-//! Divides executed instructions into calls, loops and rounds, by their addresses alone.
+//! Divides executed instructions into calls, loops and rounds, given only their addresses.
 
 use std::collections::HashSet;
 use std::ops::Range;
 
 use rayo::internals::kernels::step::Visit;
 
-/// Instructions in the order of their execution.
+/// A stretch of executed instructions, in the order of execution.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// Instructions outside of loops, by their numbers.
-    Row(Range<usize>),
-    /// A loop: the parts of each of its rounds.
-    Loop(Vec<Vec<Part>>),
+pub enum Stretch {
+    /// Instructions outside of loops: the range of their numbers.
+    Straight(Range<usize>),
+    /// A loop: for each of its rounds, what the round consists of.
+    Loop(Vec<Vec<Stretch>>),
 }
 
-impl Part {
+impl Stretch {
     /// The range of numbers of its instructions.
     pub fn range(&self) -> Range<usize> {
         match self {
-            Part::Row(range) => range.clone(),
-            Part::Loop(rounds) => {
+            Stretch::Straight(range) => range.clone(),
+            Stretch::Loop(rounds) => {
                 let mut parts = rounds.iter().flatten();
                 let first = parts.next().expect("a loop has rounds, which have instructions").range();
                 first.start..parts.next_back().map_or(first.end, |last| last.range().end)
@@ -28,8 +28,8 @@ impl Part {
     }
 }
 
-/// The range of numbers of the instructions of some parts.
-pub fn range_of(parts: &[Part]) -> Range<usize> {
+/// The range of numbers of the instructions in consecutive stretches.
+pub fn range_of(parts: &[Stretch]) -> Range<usize> {
     match parts {
         [] => 0..0,
         [first, .., last] => first.range().start..last.range().end,
@@ -37,7 +37,7 @@ pub fn range_of(parts: &[Part]) -> Range<usize> {
     }
 }
 
-/// A loop in the code: from its first instruction to the last that jumps back to it.
+/// A loop in the code: from its first instruction to the last one that jumps back to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Loop {
     head: u64,
@@ -50,8 +50,8 @@ impl Loop {
     }
 }
 
-/// The parts of one call of a kernel, which executed the instructions `range` of `visits`.
-pub fn parts_of_call(visits: &[Visit], range: Range<usize>) -> Vec<Part> {
+/// Divides one call of a kernel, which executed the instructions `range` of `visits`.
+pub fn parts_of_call(visits: &[Visit], range: Range<usize>) -> Vec<Stretch> {
     let mut loops: Vec<Loop> = Vec::new();
     let (mut seen, mut no_heads) = (HashSet::new(), HashSet::new());
     for number in range.start..range.end.saturating_sub(1) {
@@ -78,14 +78,14 @@ pub fn parts_of_call(visits: &[Visit], range: Range<usize>) -> Vec<Part> {
     parts(visits, range, &loops)
 }
 
-/// Whether the end of a candidate loop is executed before anything outside of it: then it is a loop
-/// that was entered at its test, at its end.
+/// Whether the last instruction of a candidate loop is executed before anything outside of it. If
+/// so, the candidate is a loop that was entered at its test, which is at its end.
 fn comes_again(visits: &[Visit], of: Loop) -> bool {
     let outside = |visit: &&Visit| !of.contains(visit.rip) || visit.rip == of.tail;
     visits.iter().find(outside).is_some_and(|visit| visit.rip == of.tail)
 }
 
-fn parts(visits: &[Visit], range: Range<usize>, loops: &[Loop]) -> Vec<Part> {
+fn parts(visits: &[Visit], range: Range<usize>, loops: &[Loop]) -> Vec<Stretch> {
     let mut found = Vec::new();
     let mut at = range.start;
     let of = |number: usize| loops.iter().position(|l| l.contains(visits[number].rip));
@@ -93,17 +93,18 @@ fn parts(visits: &[Visit], range: Range<usize>, loops: &[Loop]) -> Vec<Part> {
         let this = of(at);
         let Some(this) = this else {
             let end = (at + 1..range.end).find(|&number| of(number).is_some()).unwrap_or(range.end);
-            found.push(Part::Row(at..end));
+            found.push(Stretch::Straight(at..end));
             at = end;
             continue;
         };
         let (this, inner) = (loops[this], &loops[this + 1..]);
-        // Out-of-line blocks belong to the loop: it lasts until it is left for good.
+        // A loop may jump to out-of-line blocks and back, so that it lasts until its last
+        // instruction was executed for the last time.
         let end = (at..range.end).rfind(|&number| this.contains(visits[number].rip)).map_or(range.end, |last| last + 1);
         let mut starts = vec![at];
         starts.extend((at + 1..end).filter(|&number| visits[number].rip == this.head));
         starts.push(end);
-        found.push(Part::Loop(starts.windows(2).map(|round| parts(visits, round[0]..round[1], inner)).collect()));
+        found.push(Stretch::Loop(starts.windows(2).map(|round| parts(visits, round[0]..round[1], inner)).collect()));
         at = end;
     }
     found
@@ -120,14 +121,19 @@ mod tests {
     #[test]
     fn loops_within_loops_are_told_apart() {
         let visits = visits(&[1, 2, 3, 4, 3, 4, 5, 2, 3, 4, 5, 6]);
-        let inner = |rounds: [Range<usize>; 2]| Part::Loop(rounds.map(|round| vec![Part::Row(round)]).to_vec());
+        let inner =
+            |rounds: [Range<usize>; 2]| Stretch::Loop(rounds.map(|round| vec![Stretch::Straight(round)]).to_vec());
         let expected = vec![
-            Part::Row(0..1),
-            Part::Loop(vec![
-                vec![Part::Row(1..2), inner([2..4, 4..6]), Part::Row(6..7)],
-                vec![Part::Row(7..8), Part::Loop(vec![vec![Part::Row(8..10)]]), Part::Row(10..11)],
+            Stretch::Straight(0..1),
+            Stretch::Loop(vec![
+                vec![Stretch::Straight(1..2), inner([2..4, 4..6]), Stretch::Straight(6..7)],
+                vec![
+                    Stretch::Straight(7..8),
+                    Stretch::Loop(vec![vec![Stretch::Straight(8..10)]]),
+                    Stretch::Straight(10..11),
+                ],
             ]),
-            Part::Row(11..12),
+            Stretch::Straight(11..12),
         ];
         assert_eq!(parts_of_call(&visits, 0..12), expected);
     }
@@ -136,16 +142,16 @@ mod tests {
     fn jump_back_from_code_aside_is_no_loop() {
         // Block 8 is out of line and jumps back to 3; the loop is 2 to 4.
         let aside = parts_of_call(&visits(&[1, 2, 8, 3, 4, 2, 8, 3, 4, 2, 3, 4, 5]), 0..13);
-        let rounds = [1..5, 5..9, 9..12].map(|round| vec![Part::Row(round)]).to_vec();
-        assert_eq!(aside, [Part::Row(0..1), Part::Loop(rounds), Part::Row(12..13)]);
+        let rounds = [1..5, 5..9, 9..12].map(|round| vec![Stretch::Straight(round)]).to_vec();
+        assert_eq!(aside, [Stretch::Straight(0..1), Stretch::Loop(rounds), Stretch::Straight(12..13)]);
         // 1 jumps to 4, the loop's test at its end.
         let entered = parts_of_call(&visits(&[1, 4, 2, 3, 4, 2, 3, 4, 5]), 0..9);
-        let rounds = vec![vec![Part::Row(1..2)], vec![Part::Row(2..5)], vec![Part::Row(5..8)]];
-        assert_eq!(entered, [Part::Row(0..1), Part::Loop(rounds), Part::Row(8..9)]);
+        let rounds = vec![vec![Stretch::Straight(1..2)], vec![Stretch::Straight(2..5)], vec![Stretch::Straight(5..8)]];
+        assert_eq!(entered, [Stretch::Straight(0..1), Stretch::Loop(rounds), Stretch::Straight(8..9)]);
     }
 
     #[test]
     fn what_jumps_nowhere_back_is_a_row() {
-        assert_eq!(parts_of_call(&visits(&[1, 2, 5, 6]), 0..4), [Part::Row(0..4)]);
+        assert_eq!(parts_of_call(&visits(&[1, 2, 5, 6]), 0..4), [Stretch::Straight(0..4)]);
     }
 }

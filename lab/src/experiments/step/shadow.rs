@@ -1,10 +1,10 @@
-//! Shadow values of numbers: what each would be if nothing before it had been rounded.
+//! Shadow values of numbers: what each number would be if nothing before it had been rounded.
 //!
-//! A number has a shadow if it differs from its exact value; a number without one is itself exact.
-//! So numbers from unwatched code count as exact. If unwatched code overwrites a number, its shadow
-//! ends: each shadow remembers the bits to which it belongs, and is ignored beside any others. The
-//! path of execution is the CPU's: its comparisons, selections and masks stay as they are, and are
-//! reported if exact values would decide otherwise.
+//! A number has a shadow if it differs from its exact value; a number without a shadow is itself
+//! exact. So numbers from unwatched code count as exact. If unwatched code overwrites a number, its
+//! shadow becomes invalid: each shadow has a copy of the bits of its number, and is ignored where
+//! the bits differ. The path of execution is the CPU's: its comparisons, selections and masks stay
+//! as they are, and are reported if exact values would decide differently.
 
 mod exact;
 
@@ -21,14 +21,14 @@ use rayo::internals::kernels::step::Step;
 /// The shadows of registers and memory.
 #[derive(Clone, Debug, Default)]
 pub struct Shadow {
-    /// The shadows by place and first bit; their elements do not overlap.
+    /// The shadows by place and first bit. Their elements do not overlap.
     values: BTreeMap<(Place, u64), Value>,
 }
 
 #[derive(Clone, Debug)]
 struct Value {
     format: Number,
-    /// The bits of the number to which the shadow belongs.
+    /// The bits of the number that the shadow belongs to.
     bits: u64,
     exact: Exact,
 }
@@ -42,41 +42,42 @@ pub struct ShadowedStep<'a> {
 /// The rounding errors of an instruction, and what the model says about it.
 #[derive(Clone, Debug)]
 pub struct StepError {
-    /// The instruction's operations by the model; empty if there is no model of it.
+    /// The instruction's operations according to the model; empty if there is no model of it.
     pub operations: Vec<Operation>,
     /// The comparison of the model with the CPU. Where the model is wrong or missing, the shadows
-    /// of what was written end.
+    /// of the written elements are dropped.
     pub check: Result<Check, Unknown>,
-    /// The error of each number that was computed or converted, or was moved and has a shadow.
+    /// The error of each number that was computed or converted, and of each number with a shadow
+    /// that was moved.
     pub errors: Vec<ElementError>,
-    /// The indices of the operations whose outcome exact values would change: comparisons, minima
-    /// and maxima, selections by sign, and roundings to whole numbers.
+    /// The indices of the operations that exact values would decide differently: comparisons,
+    /// minima and maxima, selections by sign, and roundings to whole numbers.
     pub overturned: Vec<usize>,
-    /// Results without a shadow although their operands have one: integers, single bytes, results
-    /// of numbers that are not finite, and results that the model predicts wrongly. They count as
+    /// Results without a shadow although an operand has one: integers, single bytes, results of
+    /// numbers that are not finite, and results that the model predicts wrongly. They count as
     /// exact from here on.
     pub restarted: Vec<Element>,
 }
 
-/// The error of a number that was written, in units of the last place of its format, at the larger
-/// of the number and its exact value.
+/// The error of a number that was written, in units of the last place of its format; the unit is
+/// that of the larger of the number and its exact value.
 #[derive(Clone, Debug)]
 pub struct ElementError {
     pub at: Element,
-    /// The value without rounding; None if that is not finite, and then the errors are 0.
+    /// The value without rounding; None if it is not finite, in which case the errors are 0.
     pub exact: Option<Exact>,
-    /// The number minus its exact value: the inherited and the added error together.
+    /// The number minus its exact value: the inherited error plus the added one.
     pub error: f64,
-    /// The part that this instruction added by rounding its result. The rest comes from the errors
-    /// of the operands: it is the unrounded result of the given operands minus that of the exact
-    /// ones.
+    /// The error that this instruction added by rounding its result. The rest is inherited: it is
+    /// the unrounded result of the given operands minus that of the exact operands.
     pub added: f64,
-    /// For sums, how many leading bits of the larger summand were lost; all of them if the result
+    /// For sums, how many leading bits of the larger summand cancelled; all of them if the result
     /// is 0.
     pub cancelled: Option<u32>,
 }
 
-/// The shadows that an instruction makes, collected before those of the overwritten elements end.
+/// The shadows that an instruction makes. They are collected before the shadows of overwritten
+/// elements are dropped.
 #[derive(Default)]
 struct Made {
     values: Vec<(Element, Value)>,
@@ -86,8 +87,8 @@ struct Made {
 }
 
 impl Made {
-    /// Records a number that is a copy, with its shadow if it has one, or that begins anew without
-    /// one.
+    /// Records a copied number with its shadow, if it has one, or a number that counts as exact
+    /// from here on.
     fn moved(&mut self, at: Element, format: Number, bits: u64, shadow: Option<Exact>) {
         let found = format.value(bits);
         match shadow {
@@ -99,8 +100,8 @@ impl Made {
         }
     }
 
-    /// Records a computed number with its exact value, and the unrounded result of its operands as
-    /// they are, if that differs from the exact value.
+    /// Records a computed number with its exact value. If its operands were not exact, `unrounded`
+    /// is the result of the operands as they are, without rounding.
     fn computed(
         &mut self,
         at: Element,
@@ -148,7 +149,8 @@ impl Shadow {
         (value.format == format && value.bits == bits).then_some(&value.exact)
     }
 
-    /// Follows an instruction. It must be called for all instructions of a recording, in order.
+    /// Updates the shadows by an instruction. It must be called for all instructions of a
+    /// recording, in order.
     pub fn step(&mut self, step: &Step) -> StepError {
         let operations = match model(step) {
             Ok(operations) => operations,
@@ -174,7 +176,7 @@ impl Shadow {
         StepError { operations, check: Ok(check), errors, overturned, restarted }
     }
 
-    /// Ends the shadows of these elements, and returns the elements that had one.
+    /// Drops the shadows of these elements, and returns the elements that had one.
     fn end(&mut self, elements: &[Element]) -> Vec<Element> {
         let mut ended = Vec::new();
         for element in elements {
@@ -190,7 +192,7 @@ impl Shadow {
     }
 
     fn overlapping(&self, element: &Element) -> impl Iterator<Item = (Element, &Value)> {
-        // A number has at most 64 bits, so that one that overlaps begins at most 63 bits before.
+        // A number has at most 64 bits, so that one that overlaps begins at most 63 bits earlier.
         let keys = (element.place, element.at.saturating_sub(63))..(element.place, element.end());
         let elements = self
             .values
@@ -199,7 +201,8 @@ impl Shadow {
         elements.filter(|(at, _)| at.overlaps(element))
     }
 
-    /// The shadows in an element whose numbers still have the bits to which the shadows belong.
+    /// The shadows in an element that are valid: their numbers still have the bits that they belong
+    /// to.
     fn alive(&self, step: &Step, element: &Element) -> impl Iterator<Item = (Element, &Value)> {
         let shadows: Vec<_> = self.overlapping(element).collect();
         shadows.into_iter().filter(|(at, value)| model::before(step, *at) == value.bits)
@@ -249,8 +252,8 @@ impl Shadow {
         bit.bits == 1 && self.alive(step, bit).any(other)
     }
 
-    /// The result of an operation begins anew without a shadow; that is recorded if an operand had
-    /// one.
+    /// Makes the result of an operation count as exact, and records that if an operand had a
+    /// shadow.
     fn restart(&self, step: &Step, operation: &Operation, made: &mut Made) {
         if operation.from.iter().any(|source| source.bits > 1 && self.alive(step, source).next().is_some()) {
             made.restarted.push(operation.to);
@@ -258,7 +261,7 @@ impl Shadow {
     }
 
     /// Computes the shadow of a floating-point result. Returns whether exact values would have
-    /// chosen otherwise.
+    /// selected the other operand.
     fn float(&self, step: &Step, operation: &Operation, format: Number, float: Float, made: &mut Made) -> bool {
         let to = operation.to;
         let bits: Vec<u64> = operation.from.iter().map(|&element| model::before(step, element)).collect();
@@ -294,8 +297,7 @@ impl Shadow {
                 made.computed(to, format, result, exact, of_rounded, cancelled);
             }
             None => {
-                // With exact operands this would be a division by 0, or the root of a negative
-                // number.
+                // With exact operands this is a division by 0 or the root of a negative number.
                 made.moved(to, format, result, None);
                 made.restarted.push(to);
             }
@@ -303,7 +305,7 @@ impl Shadow {
         false
     }
 
-    /// Whether a minimum or maximum of exact values would be the other operand.
+    /// Whether the minimum or maximum of the exact values is the other operand.
     fn chooses_otherwise(&self, of: &Operation, format: Number, least: bool, bits: &[u64], chosen: usize) -> bool {
         let other = 1 - chosen;
         let shadow = |index: usize| self.shadow(of.from[index], format, bits[index]);
@@ -343,7 +345,7 @@ impl Shadow {
         }
     }
 
-    /// Whether exact values would compare otherwise.
+    /// Whether the comparison of the exact values has another outcome.
     fn compares_otherwise(&self, step: &Step, operation: &Operation, format: Number, predicate: u8) -> bool {
         let found = |&from: &Element| (from, format, model::before(step, from));
         let shadowed = |(from, format, bits)| self.shadow(from, format, bits).is_some();
@@ -356,8 +358,8 @@ impl Shadow {
         model::holds(predicate, a.partial_cmp(&b)) != holds
     }
 
-    /// Computes the shadow of a bitwise operation: a number that is selected keeps its shadow,
-    /// negated if its sign bit was flipped.
+    /// Computes the shadow of a bitwise operation. A number that is selected keeps its shadow,
+    /// which is negated if the number's sign bit was flipped.
     fn logic(&self, step: &Step, operation: &Operation, table: u8, made: &mut Made) {
         let has = |bits, format| {
             operation.from.iter().any(|source| {
@@ -374,7 +376,7 @@ impl Shadow {
             let from: Vec<_> = operation.from.iter().map(part).collect();
             let words: Vec<_> = from.iter().map(|&element| model::before(step, element)).collect();
             let result = logic(table, &words) & (u64::MAX >> (64 - bits));
-            // The bits of the result that depend on one of the operands.
+            // The bits of the result that depend on the operand `index`.
             let dependent = |index: usize| {
                 let mut other = words.clone();
                 other[index] = !other[index];
@@ -409,7 +411,7 @@ impl Shadow {
     }
 
     /// Moves shadows. Copies of adjacent elements to adjacent places are joined to one copy, so
-    /// that it does not matter in which pieces an instruction moves a number.
+    /// that it does not matter in what pieces an instruction moves a number.
     fn copy(&self, step: &Step, operations: &[Operation], made: &mut Made) {
         let mut spans: Vec<(Element, Element)> = Vec::new();
         for operation in operations.iter().filter(|o| o.what == What::Copy && !is_kept(o)) {
@@ -439,12 +441,12 @@ impl Shadow {
     }
 }
 
-/// Whether an operation leaves an element as it is.
+/// Whether an operation copies an element to itself.
 fn is_kept(operation: &Operation) -> bool {
     operation.what == What::Copy && operation.from[0] == operation.to
 }
 
-/// The elements that an instruction without a model writes: whole registers, and the recorded
+/// The elements that an instruction without a model writes: whole registers and the recorded
 /// memory.
 fn written(step: &Step) -> Vec<Element> {
     let writes =

@@ -1,4 +1,4 @@
-//! Finds the instructions that made a pixel, going back from its bytes.
+//! Finds the instructions that made a pixel, by following its bytes backwards.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::model::{Element, Operation, Place, What};
 use super::shadow::{ShadowedStep, StepError};
 
-/// A byte of a place or, in masks and flags, a bit.
+/// The unit of dependence: a byte of a place or, in masks and flags, a bit.
 type Unit = (Place, u64);
 
 fn units(element: &Element) -> impl DoubleEndedIterator<Item = Unit> + use<> {
@@ -21,34 +21,34 @@ fn units(element: &Element) -> impl DoubleEndedIterator<Item = Unit> + use<> {
 /// An operation on whose result a pixel depends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Made {
-    /// Its index among the instruction's operations.
+    /// The operation's index among those of the instruction.
     pub operation: usize,
-    /// The range of units of its element, from the first needed one to the last: bytes of the place
-    /// or, in masks, bits.
+    /// The units of its element from the first to the last that is needed: bytes of the place or,
+    /// in masks, bits.
     pub units: Range<u64>,
 }
 
 /// What an instruction contributes to a pixel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Part {
+pub struct Contribution {
     /// The operations on whose results the pixel depends.
     pub made: Vec<Made>,
     /// Whether the instruction reads memory on which the pixel depends.
     pub looks: bool,
 }
 
-impl Part {
+impl Contribution {
     /// Whether the instruction contributes anything.
     pub fn any(&self) -> bool {
         self.looks || !self.made.is_empty()
     }
 }
 
-/// What each of `steps` contributes to the elements `of`, as they are at the end. Dependences
-/// through data and selections are followed, those through addresses and jumps are not.
-pub fn slice(steps: &[ShadowedStep<'_>], of: impl IntoIterator<Item = Element>) -> Vec<Part> {
+/// What each of `steps` contributes to the final values of the elements `of`. Dependences through
+/// data and selections are followed; those through addresses and jumps are not.
+pub fn slice(steps: &[ShadowedStep<'_>], of: impl IntoIterator<Item = Element>) -> Vec<Contribution> {
     let mut needed: HashSet<Unit> = of.into_iter().flat_map(|element| units(&element).collect::<Vec<_>>()).collect();
-    let mut found = vec![Part::default(); steps.len()];
+    let mut found = vec![Contribution::default(); steps.len()];
     for (ShadowedStep { error: StepError { operations, .. }, .. }, part) in steps.iter().zip(&mut found).rev() {
         let reads = operations.iter().flat_map(Operation::sources).filter(|source| source.place == Place::Memory);
         part.looks = reads.flat_map(units).any(|unit| needed.contains(&unit));
@@ -66,7 +66,7 @@ pub fn slice(steps: &[ShadowedStep<'_>], of: impl IntoIterator<Item = Element>) 
         for Made { operation, units: of_it } in &part.made {
             let Operation { to, what, from, by, .. } = &operations[*operation];
             match (what, &from[..]) {
-                // Of a copied element the same part is needed.
+                // Of a copy's source the same part is needed as of its destination.
                 (What::Copy, [source]) if source.bits == to.bits && to.bits >= 8 && source.at % 8 == to.at % 8 => {
                     let skipped = of_it.start - to.at / 8;
                     let first = source.at / 8 + skipped;

@@ -13,35 +13,35 @@ use rayo::internals::kernels::step::State;
 pub enum Node {
     Kernel {
         symbol: String,
-        /// The description of the kernel, from the comment above the macro that makes it.
+        /// The first sentence of the comment above the macro that makes the kernel.
         says: &'static str,
-        /// What it executed, as nodes.
+        /// What the kernel executed.
         children: Vec<Node>,
     },
     Macro {
         name: &'static str,
-        /// The description of the macro, from the comment above it.
+        /// The first sentence of the comment above the macro.
         says: &'static str,
         /// The source file of the macro.
         file: &'static str,
-        /// The line of the call, in the source file of the macro or kernel around it.
+        /// The line of the call, in the source file of the enclosing macro or kernel.
         line: usize,
         comment: &'static str,
         /// The arguments of the call.
         arguments: Vec<Argument>,
         instructions: usize,
-        /// What it executed, as nodes.
+        /// What the macro executed.
         children: Vec<Node>,
     },
     /// Instructions that a row executes once, not for each pixel.
     Once {
         instructions: usize,
-        /// What it executed, as nodes.
+        /// The instructions and macros among these.
         children: Vec<Node>,
     },
     /// An instruction, by its index among the lines of the document.
     Step(usize),
-    /// A number of padding instructions before an alignment.
+    /// This number of padding instructions before an alignment.
     Padding(usize),
     /// Instructions that make other pixels.
     Others {
@@ -55,28 +55,28 @@ pub enum Node {
 #[derive(Clone, Debug)]
 pub struct Argument {
     pub name: &'static str,
-    /// The direction of its parameter: `in`, `out`, `in/out` or `clobbered`.
+    /// The direction of the parameter: `in`, `out`, `in/out` or `clobbered`.
     pub kind: &'static str,
-    /// The contents of a register before the macro and after it: the value in the shown lane, or
-    /// all elements of a single vector.
+    /// The contents of a register before the macro and after it: the value in the shown lane or,
+    /// for a single vector, all elements.
     pub values: Option<[Vec<Value>; 2]>,
 }
 
-/// Stands for [`Node::Once`] among the indices of macro calls.
+/// The index that stands for [`Node::Once`] among indices of macro calls.
 const ONCE: usize = usize::MAX;
 
 /// A leaf of the tree, with the macro calls around it.
 struct Leaf {
     node: Node,
     calls: Vec<usize>,
-    /// The index of its step.
+    /// The index of the leaf's step.
     step: Option<usize>,
-    /// Whether the row executes it once, not for each pixel.
+    /// Whether the row executes the leaf once, not for each pixel.
     once: bool,
 }
 
-/// The trees of the shown items of each kernel call. `line_of` maps an index of a step to that of
-/// its line.
+/// The trees of the shown items of each kernel call. `line_of` maps the index of a step to the
+/// index of its line.
 pub fn grow(
     unit: &'static Unit,
     calls: &[Vec<Item>],
@@ -103,8 +103,8 @@ impl Grower<'_> {
         let mut leaves: Vec<Leaf> = Vec::new();
         let mut symbol = "";
         for item in items {
-            // Padding has no source line, nor do the skipped rounds of other pixels: both are
-            // placed in the macros of the leaf before them.
+            // Neither padding nor skipped rounds have a source line. Both are placed in the same
+            // macros as the leaf before them.
             let (calls, once) = leaves.last().map_or((Vec::new(), false), |leaf| (leaf.calls.clone(), leaf.once));
             leaves.push(match *item {
                 Item::Step(at) | Item::Once(at) => {
@@ -121,7 +121,7 @@ impl Grower<'_> {
                 }
             });
         }
-        // Macro calls that enclose all leaves are the kernel itself.
+        // Macro calls that enclose all leaves make up the kernel itself.
         let mut depth = leaves.first().map_or(0, |leaf| leaf.calls.len());
         for leaf in &leaves {
             let same = leaves[0].calls.iter().zip(&leaf.calls).take_while(|(a, b)| a == b).count();
@@ -172,7 +172,8 @@ impl Grower<'_> {
         Node::Macro { name, says, file, line, comment, arguments, instructions, children }
     }
 
-    /// The elements of a register in two states, before and after.
+    /// The elements of a register in two states, before and after; `says` is the description of its
+    /// parameter.
     fn values(&self, register: &str, says: &str, states: [&State; 2]) -> Option<[Vec<Value>; 2]> {
         let vector = (0..32).find(|number| same_register(register, &format!("xmm{number}")))?;
         let elements = match self.lane {

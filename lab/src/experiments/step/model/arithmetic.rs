@@ -1,4 +1,4 @@
-//! Floating-point arithmetic exactly as x86 does it, NaN and signed zeros included.
+//! Floating-point arithmetic exactly as on x86, with its NaN and signed zeros.
 
 use std::cmp::Ordering;
 
@@ -26,7 +26,7 @@ impl Number {
         1 << (8 * self.bytes() - 1)
     }
 
-    /// The number that the bits represent, exactly except for large i64, which are rounded to f64.
+    /// The number that these bits represent. It is exact, except that large i64 are rounded to f64.
     pub fn value(self, bits: u64) -> f64 {
         match self {
             Number::Single => f32::from_bits(bits as u32).into(),
@@ -37,8 +37,8 @@ impl Number {
     }
 }
 
-/// The direction of rounding to a whole number: the low bits of the immediate operand of `roundpd`
-/// and `vrndscalepd`.
+/// How a number is rounded to a whole number, as encoded in the low bits of the immediate operand
+/// of `roundpd` and `vrndscalepd`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Rounding {
     Down,
@@ -64,12 +64,12 @@ impl Estimate {
     }
 }
 
-/// The result of a floating-point computation on `from`. For an estimate it is `found`, the CPU's
-/// own result, if that keeps the documented bound.
+/// The result of a floating-point computation on `from`. An estimate has no unique result: `found`,
+/// the CPU's own, is returned if it keeps the documented bound.
 ///
-/// If operands are NaN, the result is the first of them, made quiet; an invalid operation without
-/// one gives the default NaN. (Rust's own operations do not promise that.) A minimum or maximum
-/// with a NaN, or of two zeros, is its second operand, unchanged.
+/// If operands are NaN, the result is the first NaN, made quiet. An invalid operation without a NaN
+/// operand gives the default NaN. (Rust's own operations do not promise that.) A minimum or maximum
+/// of two zeros, or with a NaN, is its second operand, unchanged.
 pub(crate) fn float(format: Number, float: Float, from: &[u64], found: impl Fn() -> u64) -> u64 {
     match format {
         Number::Single => single(float, from, found),
@@ -105,8 +105,8 @@ macro_rules! formats {
                 Float::ReciprocalRoot(estimate) => {
                     let root = of(0).sqrt();
                     let found = $float::from_bits(found() as $bits);
-                    // Computed in f64, whose own rounding error is negligible beside the bound;
-                    // false if the numbers are not finite.
+                    // Computed in f64, whose own rounding error is negligible beside the bound.
+                    // False if a number is not finite.
                     if (f64::from(found) * f64::from(of(0)).sqrt() - 1.0).abs() <= estimate.bound() {
                         found
                     } else {
@@ -129,7 +129,7 @@ pub(crate) fn convert(of: Number, to: Number, bits: u64) -> u64 {
     const QUIET: u64 = 0x0008_0000_0000_0000;
     let value = of.value(bits);
     match (of, to) {
-        // A NaN keeps its sign and those of its other bits that fit, and becomes quiet.
+        // A NaN keeps its sign and the bits of its payload that fit, and becomes quiet.
         (Number::Single, Number::Double) if value.is_nan() => {
             (bits & 0x8000_0000) << 32 | 0x7ff0_0000_0000_0000 | QUIET | (bits & 0x007f_ffff) << 29
         }
@@ -139,7 +139,7 @@ pub(crate) fn convert(of: Number, to: Number, bits: u64) -> u64 {
         (Number::Int64, Number::Single) => (bits as i64 as f32).to_bits().into(),
         (_, Number::Single) => (value as f32).to_bits().into(),
         (_, Number::Double) => value.to_bits(),
-        // A number that the integer format cannot hold becomes its least integer.
+        // A number that the integer format cannot hold becomes the least integer of that format.
         (_, Number::Int32) => {
             let fits = (-2_147_483_648.0..2_147_483_648.0).contains(&value.trunc());
             (if fits { value as i32 } else { i32::MIN }) as u32 as u64
@@ -151,11 +151,11 @@ pub(crate) fn convert(of: Number, to: Number, bits: u64) -> u64 {
     }
 }
 
-/// Whether the predicate holds of two numbers with this order, which is None if one of them is a
-/// NaN.
+/// Whether a predicate holds for two numbers in this order, which is None if one is NaN.
 pub(crate) fn holds(predicate: u8, order: Option<Ordering>) -> bool {
-    // The bits of an entry, from the highest: whether the predicate holds for unordered numbers,
-    // for greater, less, and equal. Predicates 16 and higher repeat these, with other exceptions.
+    // The bits of an entry say, from the highest, whether the predicate holds if the numbers are
+    // unordered, greater, less or equal. Predicates from 16 on repeat these entries, with other
+    // exceptions.
     const TABLE: [u8; 16] = [
         0b0001, 0b0010, 0b0011, 0b1000, 0b1110, 0b1101, 0b1100, 0b0111, // eq lt le unord neq nlt nle ord
         0b1001, 0b1010, 0b1011, 0b0000, 0b0110, 0b0101, 0b0100, 0b1111, // eq_u nge ngt false neq_o ge gt true

@@ -1,4 +1,4 @@
-//! Carries out operations on bits, and compares the resulting registers and memory with the CPU's.
+//! Executes operations on bits, and compares the resulting registers and memory with the CPU's.
 
 use super::{Element, Operation, Place, What, arithmetic};
 use rayo::internals::kernels::step::{State, Step};
@@ -12,14 +12,14 @@ const CONTROL: u32 = 0xffc0;
 /// The comparison of the model's prediction with the CPU.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Check {
-    /// The number of compared bits that the instruction wrote. That it changed no other bits is
-    /// checked too, but not counted.
+    /// How many bits that the instruction wrote were compared. All other bits are compared too, but
+    /// not counted.
     pub bits: u64,
-    /// Where the prediction was wrong, in words of 64 bits.
+    /// The 64-bit words for which the prediction was wrong.
     pub differences: Vec<Difference>,
 }
 
-/// A word that differs from its prediction.
+/// A 64-bit word that differs from its prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference {
     pub at: Element,
@@ -74,9 +74,8 @@ pub fn check(step: &Step, operations: &[Operation]) -> Check {
     check
 }
 
-/// The result of an operation on the state before its instruction. Where the result is not
-/// determined (an estimate within its bound, or something that the manual leaves undefined), it is
-/// the CPU's.
+/// The result of an operation, from the state before its instruction. Where the result is not
+/// determined, as that of an estimate or one that the manual leaves undefined, it is the CPU's.
 pub(crate) fn result(step: &Step, operation: &Operation) -> u64 {
     let from: Vec<u64> = operation.from.iter().map(|&element| before(step, element)).collect();
     let found = || after(step, operation.to);
@@ -114,7 +113,7 @@ pub(crate) fn after(step: &Step, element: Element) -> u64 {
 }
 
 fn read(state: &State, memory: &[u8; 64], step: &Step, element: Element) -> u64 {
-    // An element that does not begin at a byte is a sign bit, which is within one byte.
+    // An element that does not begin at a byte is a sign bit, and lies within one byte.
     let (byte, bytes) = ((element.at / 8) as usize, element.bits.div_ceil(8) as usize);
     let word = match element.place {
         Place::General(number) => state.general[usize::from(number)] >> element.at,
@@ -131,7 +130,7 @@ fn read(state: &State, memory: &[u8; 64], step: &Step, element: Element) -> u64 
     word & ones(element.bits)
 }
 
-/// Writes an element of a state, or of `memory`, which begins at `address`.
+/// Writes an element to a state or, if it is in memory, to `memory`, which begins at `address`.
 fn put(state: &mut State, memory: &mut [u8; 64], address: u64, element: Element, bits: u64) {
     let byte = (element.at / 8) as usize;
     let bytes = element.bits as usize / 8;
@@ -154,8 +153,8 @@ fn put(state: &mut State, memory: &mut [u8; 64], address: u64, element: Element,
     *word = *word & !mask | bits << element.at;
 }
 
-/// Up to 8 bytes as a number. Bytes beyond the end count as 0, but
-/// [`super::instruction::Instruction::finish`] has refused such operations.
+/// Up to 8 bytes as a number. Bytes beyond the end are 0; operations that would read them were
+/// refused by [`super::instruction::Instruction::finish`].
 fn get(bytes: &[u8; 64], from: usize, count: usize) -> u64 {
     let mut word = [0; 8];
     if let Some(bytes) = from.checked_add(count).and_then(|end| bytes.get(from..end)) {

@@ -9,13 +9,13 @@ const AND_NOT: u8 = 0x0c;
 const OR: u8 = 0xfc;
 const XOR: u8 = 0x3c;
 
-/// The flags zero, parity and carry that `comiss` sets, by their bit numbers, each with the
-/// comparison predicate that gives it.
+/// The flags zero, parity and carry that `comiss` sets: the number of each bit, and the comparison
+/// predicate that gives its value.
 const FLAGS_OF_COMPARISON: [(u32, u8); 3] = [(6, 8), (2, 3), (0, 9)];
 /// The flags overflow and sign, which `comiss` clears.
 const CLEARED_BY_COMPARISON: [u32; 2] = [11, 7];
 
-/// Makes the operations; None if the instruction is not of this file's kind.
+/// Makes the operations; None if the instruction is not one of this file's.
 pub(super) fn model(i: &mut Instruction) -> Option<()> {
     let name = i.name.clone();
     if let Some(whole) = logic(i, &name) {
@@ -56,7 +56,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
     })
 }
 
-/// Writes each element of the first operand, or only the first one if not `packed`.
+/// Writes each element of the first operand; only the first element if not `packed`.
 fn elements(i: &mut Instruction, bytes: u32, packed: bool, value: impl Fn(u32) -> Value) -> Option<()> {
     if packed {
         return i.each(bytes, |_, lane| value(lane));
@@ -65,8 +65,8 @@ fn elements(i: &mut Instruction, bytes: u32, packed: bool, value: impl Fn(u32) -
     i.scalar_beyond(bytes)
 }
 
-/// `vfmadd231ps` and its like. The digits of the name say which operands are multiplied and which
-/// is added; a NaN is taken from them in that order.
+/// `vfmadd231ps` and the like. The digits of the name say which operands are multiplied and which
+/// is added; the first NaN operand in that order is the result.
 fn multiply_add(i: &mut Instruction, stem: &str, format: Number, packed: bool) -> Option<()> {
     let (kind, digits) = stem.split_at_checked(stem.len().checked_sub(3)?)?;
     let (product, addend) = match kind {
@@ -89,8 +89,8 @@ fn multiply_add(i: &mut Instruction, stem: &str, format: Number, packed: bool) -
     })
 }
 
-/// Sums of neighbours: in each 128 bits, those of the first operand go to the lower half and those
-/// of the second to the upper half.
+/// Adds neighbouring elements: within each 128 bits the sums from the first operand go to the lower
+/// half, and those from the second to the upper half.
 fn horizontal_add(i: &mut Instruction, format: Number) -> Option<()> {
     let (a, b, bytes) = (i.first()?, i.last()?, format.bytes());
     let lanes = 16 / bytes;
@@ -102,8 +102,8 @@ fn horizontal_add(i: &mut Instruction, format: Number) -> Option<()> {
     })
 }
 
-/// Ones where the predicate holds: in whole elements of a vector, or in bits of a mask, whose other
-/// bits become 0.
+/// Sets ones where the predicate holds: whole elements of a vector, or single bits of a mask, whose
+/// other bits become 0.
 fn compare(i: &mut Instruction, format: Number) -> Option<()> {
     let (a, b, bytes, predicate) = (i.first()?, i.last()?, format.bytes(), i.immediate()? as u8);
     let value = |lane| Value::of(What::Compare(format, predicate), [a, b].map(|operand| operand.element(lane, bytes)));
@@ -137,7 +137,8 @@ fn signs(i: &mut Instruction, format: Number) -> Option<()> {
     Some(())
 }
 
-/// Bitwise operations: by elements, which a mask can select, or by 64 bits if there is no mask.
+/// Bitwise operations: on the instruction's elements if a mask may select among them, else on 64
+/// bits at a time.
 fn logic(i: &mut Instruction, name: &str) -> Option<Option<()>> {
     let (table, bytes) = match name {
         "andps" | "pand" | "pandd" => (AND, 4),
@@ -159,7 +160,7 @@ fn bitwise(i: &mut Instruction, table: u8, bytes: u32) -> Option<()> {
         "pternlogd" => (i.immediate()? as u8, vec![i.operand(0)?, a, b]),
         _ => (table, vec![a, b]),
     };
-    // The exclusive or of a register with itself is 0, and depends on nothing.
+    // The exclusive or of a register with itself is 0 and depends on nothing.
     if table == XOR && a.place == b.place && !a.is_memory() {
         return i.each(bytes, |_, _| Value::zero());
     }
@@ -201,7 +202,7 @@ fn convert(i: &mut Instruction, of: Number, to: Number) -> Option<()> {
         i.lanes(into, to.bytes(), 1, |_, _| value.clone());
         return i.scalar_beyond(to.bytes());
     }
-    // As many elements as fit into both operands; a narrower result leaves zeros in the rest of its
+    // As many elements as fit into both operands. A narrower result leaves zeros in the rest of its
     // 128 bits.
     let lanes = (from.bytes / of.bytes()).min(into.bytes / to.bytes());
     i.lanes(into, to.bytes(), lanes, |_, lane| Value::of(What::Convert(of, to), [from.element(lane, of.bytes())]));
@@ -211,7 +212,8 @@ fn convert(i: &mut Instruction, of: Number, to: Number) -> Option<()> {
     Some(())
 }
 
-/// The rounding that an immediate operand selects, if it does not scale; bit 3 only suppresses an
+/// The rounding that an immediate operand selects; None if it also scales. Bit 3 only suppresses an
+/// exception.
 /// exception.
 fn rounding(immediate: u64) -> Option<Rounding> {
     match immediate & !8 {

@@ -1,18 +1,19 @@
-//! Instructions on general registers, masks and flags, and jumps: what they read and write.
+//! Instructions on general registers, masks and flags, and jumps: which elements they read and
+//! write.
 //!
-//! Their results are taken from the CPU.
+//! The model takes the results of these instructions from the CPU.
 
 use iced_x86::{FlowControl, InstructionInfoFactory, Mnemonic, OpAccess, OpKind, RflagsBits};
 
 use super::instruction::{Instruction, Operand, Value, register};
 use super::{Element, Place, What};
 
-/// The flags, and the numbers of their bits in the register. The adjust flag, which the kernels
-/// never use, is left out.
+/// The flags, and their bit numbers in the flags register. The adjust flag is left out, since the
+/// kernels never use it.
 const FLAGS: [(u32, u32); 5] =
     [(RflagsBits::CF, 0), (RflagsBits::PF, 2), (RflagsBits::ZF, 6), (RflagsBits::SF, 7), (RflagsBits::OF, 11)];
 
-/// Makes the operations; None if the instruction is not of this file's kind.
+/// Makes the operations; None if the instruction is not one of this file's.
 pub(super) fn model(i: &mut Instruction) -> Option<()> {
     let raw = i.raw;
     let mut factory = InstructionInfoFactory::new();
@@ -34,7 +35,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
     let of = |flags: u32| FLAGS.into_iter().filter(move |(flag, _)| flags & flag != 0);
     let by: Vec<_> = of(raw.rflags_read()).map(|(_, bit)| Element::bit(Place::Flags, bit)).collect();
     let value = |what, from: &[Element]| by.iter().fold(Value::of(what, from), |value, &flag| value.by(flag));
-    // Moves copy numbers, so that their exact values are kept.
+    // Moves are copies of numbers, so that exact values move with them.
     let moves = matches!(raw.mnemonic(), Mnemonic::Mov | Mnemonic::Push | Mnemonic::Pop) && !read.is_empty();
     for &(to, _) in all.iter().filter(|(_, access)| writes(*access)) {
         i.write_general(to, value(if moves { What::Copy } else { What::Found }, &read));

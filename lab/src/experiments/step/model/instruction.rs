@@ -1,12 +1,12 @@
-//! An instruction while its model is being made: its operands, and the operations so far.
+//! An instruction during its translation to operations: its operands, and the operations so far.
 
 use iced_x86::{EncodingKind, OpKind, Register};
 
 use super::{Alternative, Element, Operation, Place, Unknown, What, check, decode};
 use rayo::internals::kernels::step::Step;
 
-/// The bytes of a vector of 128 bits. What a write to it does to the rest of the register depends
-/// on the encoding: legacy or VEX.
+/// The bytes of a 128-bit vector. Whether a write to it zeroes or keeps the rest of the register
+/// depends on the encoding, VEX or legacy.
 const XMM: u32 = 16;
 /// The bytes of a whole vector register.
 const ZMM: u32 = 64;
@@ -14,7 +14,7 @@ const ZMM: u32 = 64;
 /// An instruction that is being translated to operations.
 pub(super) struct Instruction<'a> {
     pub raw: iced_x86::Instruction,
-    /// Its mnemonic, without the leading v of VEX and EVEX.
+    /// The mnemonic, without the leading v of VEX and EVEX.
     pub name: String,
     step: &'a Step<'a>,
     operations: Vec<Operation>,
@@ -24,26 +24,26 @@ pub(super) struct Instruction<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Operand {
     pub place: Place,
-    /// The number of its first bit in its place.
+    /// The number of the operand's first bit in its place.
     pub at: u64,
     pub bytes: u32,
-    /// Whether its first element stands for all of them (EVEX's embedded broadcast).
+    /// Whether its first element is used for all elements (EVEX's embedded broadcast).
     repeats: bool,
 }
 
 impl Operand {
-    /// The element with this index, if elements have `bytes` bytes.
+    /// The element with this index, where elements have `bytes` bytes.
     pub fn element(self, index: u32, bytes: u32) -> Element {
         let index = if self.repeats { 0 } else { index };
         Element { place: self.place, at: self.at + 8 * u64::from(index * bytes), bits: 8 * bytes }
     }
 
-    /// The element of `bytes` bytes that begins at byte `byte`.
+    /// The element of `bytes` bytes that begins at the operand's byte `byte`.
     pub fn bytes_from(self, byte: u32, bytes: u32) -> Element {
         Element { place: self.place, at: self.at + 8 * u64::from(byte), bits: 8 * bytes }
     }
 
-    /// The whole operand as one element, if it has at most 64 bits.
+    /// The operand as one element: all of it, or its first 64 bits.
     pub fn whole(self) -> Element {
         self.element(0, self.bytes.min(8))
     }
@@ -83,13 +83,13 @@ impl Value {
         Value::computed(0, [])
     }
 
-    /// Adds an element that decided on this value.
+    /// Adds an element that decided which operands this value is made of.
     pub fn by(mut self, decided: Element) -> Self {
         self.by.push(decided);
         self
     }
 
-    /// This value, chosen by a bit that decided between it and `other`.
+    /// This value, selected by the bit `decided`, whose other value would have selected `other`.
     pub fn instead_of(self, other: Value, decided: Element) -> Self {
         let otherwise = Some(Alternative { what: other.what, from: other.from });
         Value { otherwise, ..self.by(decided) }
@@ -107,8 +107,8 @@ impl<'a> Instruction<'a> {
         Instruction { raw, name, step, operations: Vec::new() }
     }
 
-    /// Checks that all memory of the operations was recorded, and returns them. If none writes the
-    /// instruction pointer, its advance to the next instruction is added.
+    /// Checks that all memory that the operations use was recorded, and returns them. If none
+    /// writes the instruction pointer, its advance to the next instruction is added.
     pub fn finish(mut self) -> Result<Vec<Operation>, Unknown> {
         if !self.operations.iter().any(|operation| operation.to.place == Place::Next) {
             let next = self.raw.next_ip();
@@ -125,26 +125,26 @@ impl<'a> Instruction<'a> {
         if all { Ok(self.operations) } else { Err(Unknown::Memory) }
     }
 
-    /// Whether its encoding is VEX or EVEX, which define all 512 bits of a vector register that
-    /// they write, and the neighbours of a scalar.
+    /// Whether the encoding is VEX or EVEX. Instructions so encoded define all 512 bits of a vector
+    /// register that they write, also those beside a scalar.
     pub fn is_vex(&self) -> bool {
         self.raw.encoding() != EncodingKind::Legacy
     }
 
-    /// The number of operands without an immediate one.
+    /// The number of operands, without the immediate one.
     pub fn operands(&self) -> u32 {
         (0..self.raw.op_count()).filter(|&i| matches!(self.raw.op_kind(i), OpKind::Register | OpKind::Memory)).count()
             as u32
     }
 
-    /// The value of the last operand, if that is immediate.
+    /// The value of the last operand, if it is immediate.
     pub fn immediate(&self) -> Option<u64> {
         let last = self.raw.op_count().checked_sub(1)?;
         self.raw.try_immediate(last).ok()
     }
 
-    /// The operand `index`. Memory is at its recorded address or, if there is none, at 0, which
-    /// [`Instruction::finish`] refuses.
+    /// The operand with this index. Memory is at its recorded address; without a record it is at 0,
+    /// which [`Instruction::finish`] refuses.
     pub fn operand(&self, index: u32) -> Option<Operand> {
         match self.raw.op_kind(index) {
             OpKind::Register => register(self.raw.op_register(index)),
@@ -162,12 +162,12 @@ impl<'a> Instruction<'a> {
         Operand { place: Place::Memory, at: 8 * address, bytes, repeats: false }
     }
 
-    /// The last source: the last operand that is not immediate.
+    /// The last source operand, which is the last operand that is not immediate.
     pub fn last(&self) -> Option<Operand> {
         self.operand(self.operands().checked_sub(1)?)
     }
 
-    /// The source before the last, which legacy instructions also overwrite.
+    /// The source operand before the last. In legacy encoding it is the destination too.
     pub fn first(&self) -> Option<Operand> {
         self.operand(self.operands().checked_sub(2)?)
     }
@@ -182,8 +182,8 @@ impl<'a> Instruction<'a> {
         self.operations.push(Operation { to, what, from, by, otherwise });
     }
 
-    /// Writes all of the first operand in elements of `bytes` bytes, and what becomes of the rest
-    /// of its register.
+    /// Writes the whole first operand in elements of `bytes` bytes, and zeroes or keeps the rest of
+    /// its register.
     pub fn each(&mut self, bytes: u32, value: impl Fn(&Self, u32) -> Value) -> Option<()> {
         let to = self.operand(0)?;
         self.lanes(to, bytes, to.bytes / bytes, value);
@@ -191,8 +191,8 @@ impl<'a> Instruction<'a> {
         Some(())
     }
 
-    /// Writes one bit per lane of the first operand, which is a mask register. Bits that the
-    /// instruction's own mask does not select, and those beyond the lanes, become 0.
+    /// Writes one bit per lane to the first operand, a mask register. Bits that the instruction's
+    /// own mask does not select become 0, as do those beyond the lanes.
     pub fn each_bit(&mut self, lanes: u32, value: impl Fn(&Self, u32) -> Value) -> Option<()> {
         let to = self.operand(0)?.place;
         for lane in 0..lanes {
@@ -208,7 +208,7 @@ impl<'a> Instruction<'a> {
     }
 
     /// Writes those of the first `lanes` elements of `to` that the instruction's mask selects. The
-    /// others become 0 or, in a merging instruction, stay as they are.
+    /// others become 0 or, if the instruction merges, keep their values.
     pub fn lanes(&mut self, to: Operand, bytes: u32, lanes: u32, value: impl Fn(&Self, u32) -> Value) {
         for lane in 0..lanes {
             let element = to.element(lane, bytes);
@@ -223,7 +223,7 @@ impl<'a> Instruction<'a> {
         }
     }
 
-    /// Whether the mask selects a lane, and the mask's bit that decides; None without a mask.
+    /// Whether the mask selects a lane, and the mask's bit for it; None without a mask.
     pub fn selected(&self, lane: u32) -> Option<(bool, Element)> {
         if !self.raw.has_op_mask() {
             return None;
@@ -232,7 +232,7 @@ impl<'a> Instruction<'a> {
         Some((self.read(bit) == 1, bit))
     }
 
-    /// Whether elements can be copied together, since no mask selects among them and none is
+    /// Whether several elements can be copied as one: no mask selects among them, and none is
     /// broadcast.
     pub fn is_plain(&self) -> bool {
         !self.raw.has_op_mask() && !self.raw.is_broadcast()
@@ -248,16 +248,16 @@ impl<'a> Instruction<'a> {
         }
     }
 
-    /// Writes the rest of a vector register after `written` bytes: VEX and EVEX zero it, legacy
-    /// instructions keep it.
+    /// Defines the bytes of a vector register after the first `written`: VEX and EVEX zero them,
+    /// legacy encoding keeps them.
     pub fn zero_beyond(&mut self, to: Operand, written: u32) {
         if to.is_vector() && self.is_vex() {
             self.zero(to, written, ZMM);
         }
     }
 
-    /// Writes what follows a scalar of `bytes` bytes in the first operand: VEX copies it from
-    /// `first`, legacy instructions keep it.
+    /// Defines what follows a scalar of `bytes` bytes in the first operand: VEX copies it from
+    /// `first`, legacy encoding keeps it.
     pub fn scalar_beyond(&mut self, bytes: u32) -> Option<()> {
         if self.is_vex() {
             let (to, first) = (self.operand(0)?, self.first()?);
@@ -270,14 +270,15 @@ impl<'a> Instruction<'a> {
         Some(())
     }
 
-    /// Writes what follows `written` bytes that were loaded into a vector register: zeros up to 128
-    /// bits, then as in [`Self::zero_beyond`].
+    /// Defines what follows `written` bytes that were loaded into a vector register: zeros up to
+    /// 128 bits, and beyond these as [`Self::zero_beyond`].
     pub fn load_beyond(&mut self, to: Operand, written: u32) {
         self.zero(to, written, XMM);
         self.zero_beyond(to, XMM);
     }
 
-    /// Writes memory or a general register, whose upper half a write of 32 bits zeroes.
+    /// Writes to memory or to a general register. A write of 32 bits zeroes the upper half of the
+    /// register.
     pub fn write_general(&mut self, to: Operand, value: Value) {
         self.write(to.whole(), value);
         if to.bytes == 4 && matches!(to.place, Place::General(_)) {

@@ -2,7 +2,7 @@
 
 use super::instruction::{Instruction, Value};
 
-/// Makes the operations; None if the instruction is not of this file's kind.
+/// Makes the operations; None if the instruction is not one of this file's.
 pub(super) fn model(i: &mut Instruction) -> Option<()> {
     match i.name.clone().as_str() {
         "paddd" => binary(i, u32::wrapping_add),
@@ -31,7 +31,8 @@ fn binary(i: &mut Instruction, compute: impl Fn(u32, u32) -> u32) -> Option<()> 
     })
 }
 
-/// Writes a mask, whose bits say whether the immediate operand's predicate holds of two elements.
+/// Writes a mask, whose bits say for which pairs of elements the immediate operand's predicate
+/// holds.
 fn compare(i: &mut Instruction, number: impl Fn(u64) -> i64) -> Option<()> {
     let (a, b, predicate) = (i.first()?, i.last()?, i.immediate()?);
     i.each_bit(a.bytes / 4, |i, lane| {
@@ -48,18 +49,18 @@ fn compare(i: &mut Instruction, number: impl Fn(u64) -> i64) -> Option<()> {
     })
 }
 
-/// Writes one of two elements: the first if `takes_first` is true of them.
+/// Writes one of two elements: the first if `takes_first` returns true for the two.
 fn choose(i: &mut Instruction, takes_first: impl Fn(u64, u64) -> bool) -> Option<()> {
     let (a, b) = (i.first()?, i.last()?);
     i.each(4, |i, lane| {
         let (a, b) = (a.element(lane, 4), b.element(lane, 4));
         let (chosen, other) = if takes_first(i.read(a), i.read(b)) { (a, b) } else { (b, a) };
-        // Both decided.
+        // Both elements decided which one is written.
         Value::copy(chosen).by(chosen).by(other)
     })
 }
 
-/// Shifts elements of `bytes` bytes by an immediate operand, which may exceed their number of bits.
+/// Shifts elements of `bytes` bytes by an immediate count, which may exceed their number of bits.
 fn shift(i: &mut Instruction, bytes: u32, compute: impl Fn(u64, u32) -> Option<u64>) -> Option<()> {
     let from = i.operand(i.operands().checked_sub(1)?)?;
     let count = i.immediate()? as u32;
@@ -70,8 +71,8 @@ fn shift(i: &mut Instruction, bytes: u32, compute: impl Fn(u64, u32) -> Option<u
     })
 }
 
-/// Narrows elements of `bytes` bytes to half that size, with saturation: in each 128 bits, first
-/// those of the first operand, then those of the last.
+/// Narrows elements of `bytes` bytes to half that size, with saturation. Each 128 bits get the
+/// narrowed elements of the first operand, then those of the last.
 fn pack(i: &mut Instruction, bytes: u32, saturate: impl Fn(u64) -> u64) -> Option<()> {
     let (a, b) = (i.first()?, i.last()?);
     let lanes = 16 / bytes;

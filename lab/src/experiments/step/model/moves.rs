@@ -3,10 +3,10 @@
 use super::instruction::{Instruction, Operand, Value};
 use super::{Element, Place};
 
-/// The bytes of a part of 128 bits: most shuffles move elements only within such parts.
+/// The bytes of a 128-bit part. Most shuffles move elements only within such parts.
 const PART: u32 = 16;
 
-/// Makes the operations; None if the instruction is not of this file's kind.
+/// Makes the operations; None if the instruction is not one of this file's.
 pub(super) fn model(i: &mut Instruction) -> Option<()> {
     match i.name.clone().as_str() {
         "movaps" | "movups" | "movntps" | "movdqa32" => whole(i, 4),
@@ -52,16 +52,16 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
     }
 }
 
-/// Copies all of the last operand, in pieces of 64 bits, or in the instruction's elements if a mask
-/// selects among them.
+/// Copies all of the last operand, in pieces of 64 bits; if a mask selects among elements, in the
+/// instruction's elements.
 fn whole(i: &mut Instruction, bytes: u32) -> Option<()> {
     let from = i.last()?;
     let bytes = if i.is_plain() { 8 } else { bytes };
     i.each(bytes, |_, lane| Value::copy(from.element(lane, bytes)))
 }
 
-/// Copies one element from or to memory or a general register. Moves between vector registers have
-/// other rules, and are not modelled.
+/// Copies one element from or to memory or a general register. Moves between two vector registers
+/// merge, and are not modelled.
 fn scalar(i: &mut Instruction, bytes: u32) -> Option<()> {
     let (to, from) = (i.operand(0)?, i.last()?);
     let value = Value::copy(from.element(0, bytes));
@@ -82,8 +82,8 @@ fn of_last(i: &mut Instruction, bytes: u32, index: impl Fn(u32) -> u32) -> Optio
     i.each(bytes, |_, lane| Value::copy(from.element(index(lane), bytes)))
 }
 
-/// Compression from register to register: the elements that the mask selects, side by side,
-/// followed by zeros.
+/// Compression from register to register: moves the elements that the mask selects to the lowest
+/// places, in order, followed by zeros.
 fn compress(i: &mut Instruction, bytes: u32) -> Option<()> {
     let (to, from) = (i.operand(0)?, i.last()?);
     if to.is_memory() || !i.raw.zeroing_masking() {
@@ -95,7 +95,7 @@ fn compress(i: &mut Instruction, bytes: u32) -> Option<()> {
     let values =
         (0..lanes).map(|_| selected.next().map_or(Value::zero(), |lane| Value::copy(from.element(lane, bytes))));
     for (lane, value) in values.collect::<Vec<_>>().into_iter().enumerate() {
-        // The whole mask decides which element comes where.
+        // Where an element comes to depends on the whole mask.
         let value = bits.iter().fold(value, |value, (_, bit)| value.by(*bit));
         i.write(to.element(lane as u32, bytes), value);
     }
@@ -108,7 +108,7 @@ fn halves(i: &mut Instruction, pick: impl Fn(Operand, Operand) -> [Element; 2]) 
     i.each(8, |_, lane| Value::copy(picked[lane as usize]))
 }
 
-/// `shufps`: in each part, two elements of the first operand and two of the last.
+/// `shufps`: takes two elements of the first operand and two of the last, within each part.
 fn shuffle(i: &mut Instruction) -> Option<()> {
     let (a, b, immediate) = (i.first()?, i.last()?, i.immediate()? as u32);
     i.each(4, |_, lane| {
@@ -117,8 +117,8 @@ fn shuffle(i: &mut Instruction) -> Option<()> {
     })
 }
 
-/// `unpcklps` and the like: elements of the lower (0) or upper (1) half of each part, alternately
-/// from the two operands.
+/// `unpcklps` and the like: takes the elements of the lower (0) or upper (1) half of each part,
+/// alternately from the two operands.
 fn interleave(i: &mut Instruction, bytes: u32, half: u32) -> Option<()> {
     let (a, b) = (i.first()?, i.last()?);
     let lanes = PART / bytes;
@@ -129,7 +129,7 @@ fn interleave(i: &mut Instruction, bytes: u32, half: u32) -> Option<()> {
     })
 }
 
-/// `vperm2f128`: each half of the result is any half of the two operands, or 0.
+/// `vperm2f128`: each half of the result is one of the halves of the two operands, or 0.
 fn permute_parts(i: &mut Instruction) -> Option<()> {
     let (a, b, immediate) = (i.first()?, i.last()?, i.immediate()? as u32);
     i.each(8, |_, lane| {
@@ -139,7 +139,7 @@ fn permute_parts(i: &mut Instruction) -> Option<()> {
     })
 }
 
-/// `vpermps`: any elements of the last operand, by indices in the first source.
+/// `vpermps`: permutes the elements of the last operand by indices in the first source.
 fn permute(i: &mut Instruction) -> Option<()> {
     let (indices, from) = (i.first()?, i.last()?);
     let lanes = from.bytes / 4;
@@ -149,7 +149,7 @@ fn permute(i: &mut Instruction) -> Option<()> {
     })
 }
 
-/// `vpermt2ps` and `vpermi2ps`: any elements of two operands, by indices in a third.
+/// `vpermt2ps` and `vpermi2ps`: select elements from two operands by indices in a third.
 fn permute_two(i: &mut Instruction, indices: u32, tables: [u32; 2]) -> Option<()> {
     let indices = i.operand(indices)?;
     let tables = [i.operand(tables[0])?, i.operand(tables[1])?];
@@ -162,8 +162,8 @@ fn permute_two(i: &mut Instruction, indices: u32, tables: [u32; 2]) -> Option<()
     })
 }
 
-/// `pshufb`: any bytes of the same part of the first operand, by indices in the last; 0 where an
-/// index is negative.
+/// `pshufb`: selects bytes of the first operand by indices in the last, within each part; 0 for a
+/// negative index.
 fn shuffle_bytes(i: &mut Instruction) -> Option<()> {
     let (from, indices) = (i.first()?, i.last()?);
     i.each(1, |i, lane| {
@@ -179,8 +179,8 @@ fn blend(i: &mut Instruction) -> Option<()> {
     i.each(4, |_, lane| Value::copy(if immediate >> lane & 1 == 1 { b } else { a }.element(lane, 4)))
 }
 
-/// `vblendvps`: elements of the second operand or, where the sign bit of the fourth is set, of the
-/// third. The legacy form has other operands and is not modelled.
+/// `vblendvps`: takes elements of the second operand or, where the sign bit of the fourth is set,
+/// of the third. The legacy form has other operands and is not modelled.
 fn blend_by_signs(i: &mut Instruction, bytes: u32) -> Option<()> {
     if !i.is_vex() {
         return None;
@@ -193,7 +193,8 @@ fn blend_by_signs(i: &mut Instruction, bytes: u32) -> Option<()> {
     })
 }
 
-/// `insertps`: copies an element of the last operand to an element of the first, and zeroes others.
+/// `insertps`: copies an element of the last operand over an element of the first, and zeroes the
+/// elements that the immediate operand names.
 fn insert_element(i: &mut Instruction) -> Option<()> {
     let (a, b, immediate) = (i.first()?, i.last()?, i.immediate()? as u32);
     let source = if b.is_memory() { 0 } else { immediate >> 6 & 3 };
@@ -220,7 +221,7 @@ fn extract_part(i: &mut Instruction, bytes: u32) -> Option<()> {
     i.each(8, |_, lane| Value::copy(from.element(part * bytes / 8 + lane, 8)))
 }
 
-/// Extracts an element to memory, or to a general register, whose other bits become 0.
+/// Extracts an element to memory or to a general register, whose other bits become 0.
 fn extract_element(i: &mut Instruction, bytes: u32) -> Option<()> {
     let (to, from, immediate) = (i.operand(0)?, i.last()?, i.immediate()? as u32);
     if !to.is_memory() && bytes != 4 {
@@ -230,7 +231,7 @@ fn extract_element(i: &mut Instruction, bytes: u32) -> Option<()> {
     Some(())
 }
 
-/// `vzeroupper`: zeroes what is beyond 128 bits in the 16 registers that VEX can name.
+/// `vzeroupper`: zeroes the bits beyond the lowest 128 of the 16 registers that VEX can name.
 fn zero_upper(i: &mut Instruction) -> Option<()> {
     for number in 0..16 {
         for word in PART / 8..8 {

@@ -10,7 +10,7 @@ pub fn of_bits(format: Number, bits: u64) -> Option<Exact> {
     value.is_finite().then(|| Exact::new(value))
 }
 
-/// The exact value of an integer, in two parts, since an f64 cannot hold 64 bits.
+/// The exact value of an integer, as the sum of two parts, since an f64 cannot hold 64 bits.
 pub fn of_integer(format: Number, bits: u64) -> Exact {
     match format {
         Number::Int64 => {
@@ -21,8 +21,8 @@ pub fn of_integer(format: Number, bits: u64) -> Exact {
     }
 }
 
-/// The result of an operation without rounding; None if it is not finite, and for operations that
-/// select or round to whole numbers.
+/// The result of an operation without rounding. None if it is not finite, and for operations that
+/// select or that round to whole numbers.
 pub fn float(float: Float, from: &[Exact]) -> Option<Exact> {
     let zero = Exact::new(0.0);
     let turned = |x: Exact, turned: bool| if turned { -&x } else { x };
@@ -41,7 +41,8 @@ pub fn float(float: Float, from: &[Exact]) -> Option<Exact> {
     })
 }
 
-/// Whether `found` is the exact value rounded to a whole number; without a `rounding`, towards 0.
+/// Whether `found` is the exact value rounded to a whole number. Without a `rounding`, it is
+/// rounded towards 0.
 pub fn is_whole(exact: &Exact, found: f64, rounding: Option<Rounding>) -> bool {
     let above = exact - &Exact::new(found);
     let (zero, one) = (Exact::new(0.0), Exact::new(1.0));
@@ -61,14 +62,14 @@ pub fn difference(format: Number, found: f64, exact: &Exact) -> f64 {
     in_units(format, found, exact, exact)
 }
 
-/// A number minus another value, in the units that [`difference`] uses for that number.
+/// A number minus another value, in the units that [`difference`] uses for the number and its exact
+/// value.
 pub fn in_units(format: Number, found: f64, exact: &Exact, other: &Exact) -> f64 {
     let error = &Exact::new(found) - other;
     (&error / &Exact::new(unit(format, found.abs().max(exact.to_f64().abs())))).to_f64()
 }
 
-/// The unit in the last place, as an f64, of numbers of a format that are as large as `x`, which is
-/// not negative.
+/// The unit in the last place, as an f64, of numbers of a format with the magnitude `x`.
 fn unit(format: Number, x: f64) -> f64 {
     let x = x.min(f64::MAX.next_down());
     let place = x.next_up() - x;
@@ -79,7 +80,7 @@ fn unit(format: Number, x: f64) -> f64 {
     }
 }
 
-/// A number m 2^e with 1 <= |m| < 2, or 0, whose exponent is less than any other.
+/// A number m 2^e with 1 <= |m| < 2; 0 has an exponent that is less than any other.
 struct BinaryParts {
     significand: f64,
     exponent: i32,
@@ -96,9 +97,9 @@ fn split(x: f64) -> BinaryParts {
     BinaryParts { significand, exponent: exponent - moved }
 }
 
-/// How many leading bits a sum lost: the exponent of its larger summand (which may be the product
-/// or the addend of a multiply-add) minus that of the result, or all bits of the format if the
-/// result is 0 and the summands are not. None for operations that are not sums.
+/// How many leading bits a sum lost: the exponent of its larger summand (for a multiply-add the
+/// product or the addend) minus that of the result; all bits of the format if the result is 0 and
+/// the summands are not. None for operations that are not sums.
 pub fn binary_digits_lost(format: Number, float: Float, from: &[f64], found: f64) -> Option<u32> {
     let digits = if format == Number::Single { 24 } else { 53 };
     let larger = match float {
