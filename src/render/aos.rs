@@ -20,7 +20,8 @@ pub struct AosTracer {
 }
 
 impl AosTracer {
-    /// Packs `scene` for `kernels`; `hits` is the variant of their tracer that returns hits.
+    /// Packs `scene` for `kernels`; `hits` is the variant of their tracer that returns hits instead
+    /// of colours.
     pub fn new(kernels: &'static AosKernels, hits: Hits, scene: &Scene) -> Self {
         AosTracer { kernels, hits, packed: Packed::new(scene), size: [scene.camera.width(), scene.camera.height()] }
     }
@@ -43,7 +44,8 @@ impl Tracer for AosTracer {
         for (row, out) in rows.zip(out.chunks_exact_mut(width as usize)) {
             let mut end = 0;
             while end < width {
-                // Unwanted pixels, which may be most of a row, are skipped 64 at a time.
+                // A row may have few wanted pixels: 64 pixels are checked at a time, so that the
+                // others are skipped quickly.
                 let mut block = end..width.min(end + 64);
                 end = block.end;
                 if wanted(row..row + 1, block.clone()).is_empty() {

@@ -10,7 +10,7 @@ use crate::kernels::{StandardFloats, Vec4};
 use crate::scene::srgb::encode;
 use crate::scene::{Camera, CameraError};
 
-/// The most samples that are traced at a time, unless a single row has more.
+/// The number of samples that are traced at a time, unless a single row has more.
 const MOST_TOGETHER: usize = 1 << 20;
 
 /// How many rows of tiles of the plain picture are searched for edges at a time.
@@ -19,15 +19,16 @@ const TILES_TOGETHER: u32 = 2;
 /// What is done to linear light after tracing; by default nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Development {
-    /// A pixel is the mean of `samples` x `samples` rays through the centres of its equal squares.
+    /// The samples per side: a pixel is the mean of `samples` x `samples` rays through the centres
+    /// of equal squares.
     pub samples: u32,
     /// The light of a ray that hits nothing: linear red, green, blue. It is averaged and exposed
     /// like any other light.
     pub background: [f32; 3],
     /// The exposure in stops: light is multiplied by 2 to this power.
     pub exposure: f64,
-    /// Whether levels are the nearest on the sRGB curve (IEC 61966-2-1), and not linear. Films of
-    /// floats stay linear.
+    /// Whether 8-bit levels are encoded by the sRGB curve (IEC 61966-2-1), rounded to the nearest,
+    /// instead of linearly. Floats stay linear.
     pub srgb: bool,
 }
 
@@ -38,7 +39,7 @@ impl Default for Development {
 }
 
 impl Development {
-    /// The camera with which the scene is to be traced: the one whose pixels are the samples.
+    /// The camera with which the scene is to be traced, whose pixels are the samples.
     ///
     /// # Errors
     /// If there are more samples than a picture may have pixels.
@@ -49,15 +50,15 @@ impl Development {
 }
 
 /// A tracer of developed pixels. It drives another tracer, whose camera has a pixel for every
-/// sample, and develops each pixel from its samples.
+/// sample, and computes each pixel from its samples.
 pub struct Developed<'a> {
     tracer: &'a dyn Tracer,
-    /// The picture of one sample per pixel, if only edges have more.
+    /// The picture with one sample per pixel, if only edges get more samples.
     plain: Option<Box<Developed<'a>>>,
     width: usize,
     height: u32,
     development: Development,
-    /// Buffers for samples that no thread uses at present.
+    /// Buffers for samples that no thread uses now.
     spare: Mutex<Vec<Vec<Vec4>>>,
 }
 
@@ -66,17 +67,17 @@ impl<'a> Developed<'a> {
     /// [`PixelFormat::F32x4`].
     ///
     /// # Panics
-    /// If there is no such camera.
+    /// If `camera` has so many pixels that [`Development::camera`] fails.
     pub fn new(tracer: &'a dyn Tracer, camera: &Camera, development: Development) -> Self {
         development.camera(camera).expect("a pixel has a sample, and a picture no more of them than it may have");
         let (width, height) = (camera.width() as usize, camera.height());
         Developed { tracer, plain: None, width, height, development, spare: Mutex::default() }
     }
 
-    /// Omits the samples of pixels that are not at an edge: these have the light of `plain`, which
-    /// traces with the picture's own camera. At an edge are pixels that differ by more than four
-    /// levels from the mean of two opposite neighbours; a detail that no ray of `plain` hits has no
-    /// edge.
+    /// Omits the samples of pixels that are not at an edge, which then show what `plain` traces, a
+    /// tracer with the picture's own camera. A pixel is at an edge if it differs by more than four
+    /// levels from the mean of two opposite neighbours. A detail that no ray of `plain` hits
+    /// therefore has no edge.
     pub fn along_edges(self, plain: &'a dyn Tracer) -> Self {
         let development = Development { samples: 1, ..self.development };
         let (width, height) = (self.width, self.height);
@@ -84,20 +85,20 @@ impl<'a> Developed<'a> {
         Developed { plain: Some(plain.into()), ..self }
     }
 
-    /// The rows of samples.
+    /// The rows of samples that belong to rows of pixels.
     fn samples(&self, rows: Range<u32>) -> Range<u32> {
         rows.start * self.development.samples..rows.end * self.development.samples
     }
 
-    /// Develops the pixels of all rows, or only those at `edges`; returns the sum of the tracer's
+    /// Develops the pixels of all rows, or only those at `edges`. Returns the sum of the tracer's
     /// counts of hits.
     fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
         let _floats = StandardFloats::set();
         assert_rows(&rows, [self.width as u32, self.height], out.len());
         let Development { samples, background, exposure, .. } = self.development;
-        // Clamped because 0 times infinity would turn black into a NaN.
+        // Clamped, because infinity times 0 would make a black pixel NaN.
         let scale = exposure.exp2().min(f64::MAX) / f64::from(samples * samples);
-        // With nothing to develop, a pixel is its only sample.
+        // If nothing has to be developed, a pixel is its only sample.
         let as_it_is = scale == 1.0 && samples == 1 && !self.is_encoded::<P>();
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
@@ -106,7 +107,7 @@ impl<'a> Developed<'a> {
         light.resize(light.len().max(of_row * together), Vec4::from([0.0; 4]));
         let [x, y, z] = background;
         let background = Vec4::new(x, y, z);
-        // The background, which most pixels without a hit have, is converted only once.
+        // The background, which most pixels without a hit show, is converted only once.
         let rest = P::of_linear(&background);
         let level = |light: &Vec4| if *light == background { rest } else { P::of_linear(light) };
         let wanted = |rows: Range<u32>, columns: Range<u32>| {
@@ -139,19 +140,19 @@ impl<'a> Developed<'a> {
         counted
     }
 
-    /// Develops the sum of a pixel's samples.
+    /// Makes a pixel from the sum of its samples.
     fn pixel<P: Pixel>(&self, scale: f64, sum: [f64; 3]) -> P {
         let light = sum.map(|sum| sum * scale);
         P::of_colour(if self.is_encoded::<P>() { light.map(nearest_level) } else { light }.into())
     }
 
-    /// Whether pixels of this format are on the sRGB curve: only levels are.
+    /// Whether pixels of this format are encoded by the sRGB curve; only 8-bit levels ever are.
     fn is_encoded<P: Pixel>(&self) -> bool {
         self.development.srgb && P::FORMAT.is_8bit()
     }
 
-    /// The edges of these rows, and the levels of the plain picture from the row above them to the
-    /// row below, if these exist.
+    /// The edges in these rows, and the levels of the plain picture: from the row above these rows
+    /// to the row below them, where these exist.
     fn edges(&self, plain: &Developed<'_>, rows: Range<u32>) -> (Edges, Vec<[u8; 4]>) {
         let known = rows.start.saturating_sub(1)..self.height.min(rows.end + 1);
         let mut levels = vec![[0; 4]; known.len() * self.width];
@@ -162,7 +163,7 @@ impl<'a> Developed<'a> {
         (edges, levels)
     }
 
-    /// The plain picture, with all samples for pixels at its edges.
+    /// Traces the plain picture, and pixels at its edges with all samples.
     fn rows_along_edges(&self, plain: &Developed<'_>, rows: Range<u32>, mut out: FilmMut<'_>) {
         assert_rows(&rows, [self.width as u32, self.height], out.len());
         if rows.is_empty() {
@@ -179,8 +180,8 @@ impl<'a> Developed<'a> {
         with_pixels!(FilmMut(out) = out => _ = self.develop(rows, Some(&edges), out));
     }
 
-    /// The number of rows of pixels whose samples are whole rows of tiles, if they start at a
-    /// multiple of it.
+    /// How many rows of pixels have samples that are whole rows of tiles, if the rows start at a
+    /// multiple of that number.
     fn together(&self) -> u32 {
         let samples = self.development.samples;
         let of_tracer = self.tracer.rows_together().clamp(1, self.height * samples);
@@ -188,7 +189,7 @@ impl<'a> Developed<'a> {
     }
 }
 
-/// The sum of the light of a pixel's `samples` x `samples` samples; rows of `light` have `across`
+/// The sum of the light of a pixel's `samples` x `samples` samples. A row of `light` has `across`
 /// samples.
 fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3] {
     let mut sum = [0.0; 4];
@@ -203,8 +204,8 @@ fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3]
     [r, g, b]
 }
 
-/// Encodes linear light on the sRGB curve, so that truncating the result to a level rounds to the
-/// nearest level.
+/// Encodes linear light by the sRGB curve and adds half a level, so that truncating the result
+/// rounds to the nearest level.
 fn nearest_level(linear: f64) -> f64 {
     encode(linear.clamp(0.0, 1.0)) + 0.5 / 255.0
 }
@@ -216,8 +217,8 @@ impl Tracer for Developed<'_> {
 
     fn rows_together(&self) -> u32 {
         match &self.plain {
-            // Several rows of tiles at a time, because for each piece the plain picture's tiles
-            // above and below it are traced again.
+            // Several rows of tiles at a time: for each piece the plain picture's tiles above and
+            // below it have to be traced too.
             Some(plain) => (TILES_TOGETHER * plain.together()).next_multiple_of(self.together()),
             None => self.together(),
         }
@@ -233,7 +234,7 @@ impl Tracer for Developed<'_> {
         }
     }
 
-    /// The sample in the middle of each pixel, or next to it.
+    /// Returns the hit of the sample in the middle of each pixel, or next to it.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let samples = self.development.samples;
         let middle = |row| {
@@ -243,7 +244,7 @@ impl Tracer for Developed<'_> {
         existing(rows, self.height).flat_map(middle).collect()
     }
 
-    /// All samples.
+    /// Counts all samples.
     fn count(&self, rows: Range<u32>) -> Counted {
         let rows = existing(rows, self.height);
         let Some(plain) = self.plain.as_ref().filter(|_| !rows.is_empty()) else {
@@ -263,7 +264,8 @@ impl Tracer for Developed<'_> {
         at_edges.fold(plain.tracer.count(rows.clone()) + Counted { rays, hits: 0 }, Counted::add)
     }
 
-    /// All samples. Along edges some are traced in vain, and others not at all.
+    /// Counts all samples. Along edges the tracer's own counts would not do, since some samples are
+    /// traced needlessly and others not at all.
     fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
         if self.plain.is_some() {
             self.rows(rows, out);

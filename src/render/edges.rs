@@ -1,11 +1,11 @@
-//! Finds the edges of a picture: the pixels in which more than one ray pays.
+//! Finds the edges of a picture: the pixels at which more than one ray per pixel is worthwhile.
 
 use std::ops::Range;
 
 /// A pixel is at an edge if in some direction the sum of the levels of two opposite neighbours
-/// differs by more than this from twice its own. Where light is smooth, this difference is its
-/// second derivative, and the mean over a pixel differs from the value at its centre by a 24th of
-/// that for each of the two axes: by less than a level.
+/// differs from twice its own level by more than this. Where light is smooth, this second
+/// difference approximates the second derivative, and the mean over a pixel differs from the value
+/// at its centre by a 24th of it per axis: by less than a level.
 const MOST_BEND: i16 = 8;
 
 /// The pixels of some rows that are at edges.
@@ -19,12 +19,11 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    /// The edges of `rows`, in a picture of which `levels` are the `known` rows: these, and the
-    /// ones above and below if they exist. Beyond the picture's border its last pixels are
-    /// repeated.
+    /// The edges of `rows`. `levels` are the `known` rows of the picture: those rows, and the ones
+    /// above and below them if they exist. At the picture's border its last pixels are repeated.
     pub(super) fn of(levels: &[[u8; 4]], known: Range<u32>, rows: Range<u32>, width: usize) -> Self {
         let (mut columns, mut starts) = (Vec::new(), vec![0]);
-        // Three rows of levels, each extended by one pixel on either side.
+        // Three rows of levels, each with one more pixel at either end.
         let mut three = [const { Vec::new() }; 3];
         let mut bends = vec![0; 4 * width];
         for row in rows.clone() {
@@ -50,7 +49,7 @@ impl Edges {
         &self.columns[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// The range of rows from the first to the last with an edge in these columns.
+    /// The range of those of `rows` that have an edge in `columns`, from the first to the last.
     pub(super) fn within(&self, rows: Range<u32>, columns: Range<u32>) -> Range<u32> {
         let has = |row: &u32| {
             let of_row = self.row(*row);
@@ -67,8 +66,8 @@ impl Edges {
     }
 }
 
-/// 1 where the second difference of a level in the middle row is too large in one of four
-/// directions, else 0. Rows have one more pixel on either side.
+/// For each level of the middle row 1 if its second difference is too large in one of four
+/// directions, else 0. The rows have one more pixel at either end.
 fn find_bends(rows: [&[u8]; 3], bends: &mut [u8]) {
     let count = bends.len();
     let [above, here, below] = rows.map(|row| [0, 4, 8].map(|start| &row[start..][..count]));

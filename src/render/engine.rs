@@ -10,7 +10,7 @@ use crate::kernels::{self, Isa, PacketKernels};
 use crate::plan::{Cancel, Keep, Omission, lights};
 use crate::scene::{InvalidScene, Scene, brief};
 
-/// The implementation that computes the picture.
+/// An implementation that computes pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Engine {
     /// Pure Rust in f64, with which all others are compared.
@@ -30,19 +30,19 @@ pub enum Engine {
 /// What an engine is prepared for.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Purpose<'a> {
-    /// The precision; None: the engine's own.
+    /// The precision; None for the engine's own.
     pub precision: Option<Precision>,
-    /// The only format that the engine will have to write, apart from one that differs only in its
-    /// number of channels; None: any.
+    /// The only format that the engine will have to write, apart from the one that differs from it
+    /// only in the number of channels; None for any format.
     pub format: Option<PixelFormat>,
-    /// The omissions that must not be made.
+    /// The omissions that are switched off.
     pub keep: Keep,
-    /// The number of threads that prepare it; 0 means 1. The pictures do not depend on it.
+    /// The number of threads that plan; 0 means 1. Pictures do not depend on it.
     pub threads: usize,
-    /// What stops planning; None: nothing does.
+    /// Stops planning if it is set; None if nothing stops it.
     pub cancel: Option<&'a Cancel>,
-    /// Whether the film is a band of the picture that the next one replaces: it then stays in the
-    /// caches.
+    /// Whether the film is a band of the picture that is used again for the next band, and
+    /// therefore stays in the caches.
     pub in_bands: bool,
 }
 
@@ -60,7 +60,7 @@ pub enum Precision {
 /// Why an engine cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EngineError {
-    /// No engine of that name in this build.
+    /// This build has no engine of that name.
     #[error(
         "there is no engine `{}`{}; this build has: {}",
         brief(name),
@@ -70,19 +70,19 @@ pub enum EngineError {
     Unknown {
         /// The name given.
         name: String,
-        /// The name of an engine of any build that is given or was probably meant.
+        /// The name of an engine that the user probably meant, or that other builds have.
         near: Option<&'static str>,
     },
-    /// This CPU does not support it.
+    /// This CPU does not support the engine.
     #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = listed(Engine::usable) + ", auto")]
     Unusable(Engine),
-    /// No precision of that name.
+    /// There is no precision of that name.
     #[error("there is no precision `{}`; there are: single, fast, double", brief(.0))]
     UnknownPrecision(String),
     /// The engine does not have that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
-    /// The engine has no shadows, and the scene has.
+    /// The scene has shadows, which the engine does not have.
     #[error("the engine `{0}` has no shadows, as in the paper: leave them out or ask one of {has}",
         has = listed(|engine| engine.usable() && engine.has_shadows()))]
     NoShadows(Engine),
@@ -105,13 +105,13 @@ pub enum EngineError {
     Scene(#[from] InvalidScene),
 }
 
-/// The engines of this build that are wanted, in words.
+/// The names of those engines of this build that are wanted, as text.
 fn listed(is_wanted: fn(Engine) -> bool) -> String {
     let engines = Engine::ALL.iter().filter(|engine| is_wanted(**engine));
     engines.map(|engine| engine.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// The precisions in words.
+/// The names of precisions, as text.
 fn names(precisions: &[Precision]) -> String {
     precisions.iter().map(|precision| precision.name()).collect::<Vec<_>>().join(", ")
 }
@@ -134,7 +134,7 @@ impl Engine {
         Engine::Packet(Isa::Avx512),
     ];
 
-    /// The name in commands and documents.
+    /// The engine's name in commands and documents.
     pub fn name(self) -> &'static str {
         match self {
             Engine::Reference => "reference",
@@ -146,7 +146,7 @@ impl Engine {
         }
     }
 
-    /// Whether this CPU supports it. Only then can it be prepared.
+    /// Whether this CPU supports the engine. Only then can it be prepared.
     pub fn usable(self) -> bool {
         match self {
             Engine::Reference | Engine::Rust | Engine::Portable => true,
@@ -164,12 +164,12 @@ impl Engine {
         engines.rfind(|engine| *engine != Engine::C).unwrap_or(Engine::Rust)
     }
 
-    /// The precision in which it computes by default.
+    /// The engine's default precision.
     pub fn precision(self) -> Precision {
         self.precisions()[0]
     }
 
-    /// Its precisions, the default first.
+    /// The engine's precisions, the default first.
     pub fn precisions(self) -> &'static [Precision] {
         match self {
             Engine::Reference => &[Precision::Double],
@@ -179,8 +179,8 @@ impl Engine {
         }
     }
 
-    /// Checks without planning whether [`Plan::new`] takes a scene in a precision (None: the
-    /// engine's own), except for the validity of the scene's numbers.
+    /// Checks, without planning, whether [`Plan::new`] accepts a scene in a precision (None for the
+    /// engine's own). The validity of the scene's numbers is not checked.
     ///
     /// # Errors
     /// Those of [`Plan::new`], except [`EngineError::Scene`] and [`EngineError::Cancelled`].
@@ -195,7 +195,7 @@ impl Engine {
         }
         let most_lights = if self.is_packet() { MOST_LIGHTS } else { usize::MAX };
         if scene.lights.len() > most_lights {
-            // Dark lights do not count.
+            // Lights that are dark do not count.
             let lights = lights(scene).len();
             if lights > most_lights {
                 return Err(EngineError::Lights { engine: self, lights });
@@ -204,17 +204,17 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether it traces rays in packets.
+    /// Whether the engine traces rays in packets.
     pub fn is_packet(self) -> bool {
         matches!(self, Engine::Packet(_) | Engine::Portable)
     }
 
-    /// Whether it traces scenes with shadows.
+    /// Whether the engine traces scenes with shadows.
     pub fn has_shadows(self) -> bool {
         !matches!(self, Engine::C | Engine::Paper)
     }
 
-    /// Its packet kernels, if it has any and this CPU supports them.
+    /// The engine's packet kernels, if it has any and this CPU supports them.
     #[doc(hidden)]
     pub fn packets(self) -> Option<&'static PacketKernels> {
         match self {
@@ -224,12 +224,13 @@ impl Engine {
         }
     }
 
-    /// Whether it computes its rays in f64, whatever its precision.
+    /// Whether the engine computes its rays in f64, whatever its precision.
     pub fn rays_in_f64(self) -> bool {
         self == Engine::Reference || self.is_packet()
     }
 
-    /// Prepares it for `scene`, in `precision` (None: its own), for any format that it writes.
+    /// Prepares the engine for `scene`, in `precision` (None for its own), for any format that it
+    /// writes.
     ///
     /// # Errors
     /// As [`Plan::new`].
@@ -237,7 +238,7 @@ impl Engine {
         Ok(Plan::new(self, scene, Purpose { precision, ..Purpose::default() })?.into_tracer())
     }
 
-    /// What it omits of a scene.
+    /// The omissions that the engine makes where a scene allows them.
     pub fn omissions(self) -> &'static [Omission] {
         match self {
             Engine::Reference => &[Omission::Hidden],
@@ -248,8 +249,8 @@ impl Engine {
         }
     }
 
-    /// The format in which it computes for a file of 8 bits (`bytes`) or of floats, which has three
-    /// channels.
+    /// The format in which the engine computes for a file of three channels, which are bytes
+    /// (`bytes`) or floats.
     pub fn format_for(self, bytes: bool) -> PixelFormat {
         match (self == Engine::Reference || self.is_packet(), bytes) {
             (true, true) => PixelFormat::Rgb8,
@@ -258,7 +259,7 @@ impl Engine {
         }
     }
 
-    /// The precision requested, if it has that.
+    /// The requested precision, if the engine has it, or the engine's own.
     pub(super) fn precision_for(self, precision: Option<Precision>) -> Result<Precision, EngineError> {
         let precision = precision.unwrap_or(self.precision());
         if !self.precisions().contains(&precision) {
@@ -271,7 +272,7 @@ impl Engine {
 impl FromStr for Engine {
     type Err = EngineError;
 
-    /// An engine that can be used here, by its name or as `auto`.
+    /// Parses the name of an engine that can be used here, or `auto`.
     fn from_str(name: &str) -> Result<Self, EngineError> {
         if name == "auto" {
             return Ok(Engine::fastest());
@@ -292,7 +293,7 @@ impl fmt::Display for Engine {
 }
 
 impl Precision {
-    /// The name in commands and documents.
+    /// The precision's name in commands and documents.
     pub fn name(self) -> &'static str {
         match self {
             Precision::Single => "single",

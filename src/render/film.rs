@@ -19,17 +19,17 @@ pub enum PixelFormat {
     Rgba8,
     /// Three bytes: red, green, blue from 0 to 255.
     Rgb8,
-    /// The number `0xffRRGGBB`, as windows take it: on little-endian machines the bytes blue,
-    /// green, red and 255.
+    /// The number `0xffRRGGBB`, which windows use: on little-endian machines the bytes blue, green,
+    /// red and 255.
     Bgra8,
 }
 
 impl PixelFormat {
-    /// Every one.
+    /// All formats, in the order of their variants.
     pub const ALL: [PixelFormat; 5] =
         [PixelFormat::F32x4, PixelFormat::F32x3, PixelFormat::Rgba8, PixelFormat::Rgb8, PixelFormat::Bgra8];
 
-    /// Bytes of a pixel.
+    /// The bytes of a pixel.
     pub fn bytes(self) -> usize {
         match self {
             PixelFormat::F32x4 => size_of::<Vec4>(),
@@ -48,7 +48,7 @@ impl PixelFormat {
         }
     }
 
-    /// The name that tables and JSON carry.
+    /// The format's name in tables and in JSON.
     pub fn name(self) -> &'static str {
         match self {
             PixelFormat::F32x4 => "f32x4",
@@ -70,7 +70,7 @@ pub enum Colour {
 }
 
 impl Colour {
-    /// Its levels.
+    /// The colour as 8-bit levels.
     pub fn levels(self) -> [u8; 3] {
         match self {
             Colour::Linear(linear) => linear.map(|v| level(v.into())),
@@ -83,20 +83,20 @@ impl Colour {
 pub trait Pixel: Copy + Send + 'static {
     /// The format of such pixels.
     const FORMAT: PixelFormat;
-    /// The pixel of a linear colour; floats are clamped to the largest f32.
+    /// Makes a pixel of a linear colour. Floats are clamped to the largest f32.
     fn of_colour(colour: DVec3) -> Self;
-    /// Converts a pixel from four floats.
+    /// Makes a pixel of a linear colour of four floats.
     fn of_linear(linear: &Vec4) -> Self;
     /// The linear colour of the pixel.
     fn colour(self) -> Colour;
-    /// Wraps a slice of such pixels as a film to write to.
+    /// Wraps a slice of pixels of this type as a film to write to.
     fn film(pixels: &mut [Self]) -> FilmMut<'_>;
 }
 
 impl Pixel for Vec4 {
     const FORMAT: PixelFormat = PixelFormat::F32x4;
     fn of_colour(colour: DVec3) -> Self {
-        // The light of very bright lights together may exceed f32.
+        // The sum of very bright lights may exceed f32.
         colour.min(DVec3::splat(f32::MAX.into())).as_vec3().into()
     }
     fn of_linear(linear: &Vec4) -> Self {
@@ -161,7 +161,7 @@ impl Pixel for [u8; 3] {
     }
 }
 
-/// [`PixelFormat::Bgra8`].
+/// A pixel of [`PixelFormat::Bgra8`].
 impl Pixel for u32 {
     const FORMAT: PixelFormat = PixelFormat::Bgra8;
     fn of_colour(colour: DVec3) -> Self {
@@ -189,12 +189,12 @@ pub(super) fn rgba_to_bgra(rgba: &[[u8; 4]], out: &mut [u32]) {
     out.iter_mut().zip(rgba).for_each(|(out, pixel)| *out = bgra(*pixel));
 }
 
-/// A kernel that converts pixels of four channels to as many of three, as a function.
+/// Makes a function of a kernel that converts pixels of four channels to pixels of three.
 pub(super) fn narrow<Four, Three>(kernel: &Narrow<Four, Three>) -> impl Fn(&[Four], &mut [Three]) {
     |four, three| kernel.call(four, three)
 }
 
-/// Pixels in memory, whole rows of a picture from the top.
+/// Pixels in memory: whole rows of a picture, from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Film {
     /// Four floats each.
@@ -209,7 +209,7 @@ pub enum Film {
     Bgra8(Vec<u32>),
 }
 
-/// No memory for a film.
+/// There is not enough memory for a film.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("there is no memory for {bytes} bytes of pixels: {source}")]
 pub struct NoMemory {
@@ -219,13 +219,13 @@ pub struct NoMemory {
     pub source: TryReserveError,
 }
 
-/// A buffer of the wrong size.
+/// A buffer has the wrong size.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}: found {found}, expected {expected}")]
 pub struct WrongSize {
-    /// What was counted, and in which units.
+    /// What was counted, and in which unit.
     pub what: &'static str,
-    /// The number there is.
+    /// The number found.
     pub found: usize,
     /// The number required, or required at least.
     pub expected: usize,
@@ -246,8 +246,8 @@ pub enum FilmMut<'a> {
     Bgra8(&'a mut [u32]),
 }
 
-/// Evaluates an expression with the pixels of a film, which is a `$kind`, once for each pixel
-/// format.
+/// Evaluates an expression with the pixels of a film, which is a `$kind`. It is compiled once for
+/// each pixel format.
 macro_rules! with_pixels {
     ($kind:ident($pixels:ident) = $film:expr => $use:expr) => {
         match $film {
@@ -262,8 +262,8 @@ macro_rules! with_pixels {
 pub(super) use with_pixels;
 
 impl Film {
-    /// A film of `pixels` pixels that are not black: all of its memory has been touched, and a
-    /// pixel that is never written can be seen.
+    /// A film of `pixels` pixels. They are not black, so that all pages of its memory have been
+    /// written to, and that a pixel which is never traced can be seen.
     pub fn new(format: PixelFormat, pixels: usize) -> Result<Self, NoMemory> {
         Self::filled(format, pixels).map_err(|source| NoMemory { bytes: pixels.saturating_mul(format.bytes()), source })
     }
@@ -289,7 +289,7 @@ impl Film {
         with_pixels!(Film(pixels) = self => Pixel::film(pixels))
     }
 
-    /// The colour of one of its pixels.
+    /// The colour of a pixel of the film.
     ///
     /// # Panics
     /// If there is no such pixel.
@@ -297,17 +297,17 @@ impl Film {
         with_pixels!(Film(pixels) = self => pixels[pixel].colour())
     }
 
-    /// Its pixels as they are in memory: floats of 4 bytes in the order of the machine, or bytes.
+    /// The pixels as they are in memory: floats of 4 bytes in the machine's byte order, or bytes.
     pub fn bytes(&self) -> &[u8] {
         with_pixels!(Film(pixels) = self => kernels::bytes(pixels))
     }
 
-    /// Copies its rows of `width` pixels to a buffer whose rows begin `stride` bytes apart, as
-    /// those of windows and textures do. The bytes between them stay unchanged.
+    /// Copies the film's rows of `width` pixels to a buffer whose rows begin `stride` bytes apart,
+    /// as those of windows and textures do. Bytes between rows stay unchanged.
     ///
     /// # Errors
-    /// If the film is not made of whole rows of that width, or if they do not fit into the stride
-    /// or the buffer.
+    /// If the film does not consist of whole rows of that width, or if they do not fit into the
+    /// stride or the buffer.
     ///
     /// ```
     /// # use rayo::{Film, PixelFormat};
@@ -342,24 +342,24 @@ impl Film {
         Ok(())
     }
 
-    /// Pixels.
+    /// The number of pixels.
     pub fn len(&self) -> usize {
         with_pixels!(Film(pixels) = self => pixels.len())
     }
 
-    /// Whether there is none.
+    /// Whether the film has no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
 impl<'a> FilmMut<'a> {
-    /// Some of its pixels.
+    /// A range of the film's pixels.
     pub fn part(self, pixels: Range<usize>) -> FilmMut<'a> {
         with_pixels!(FilmMut(film) = self => Pixel::film(&mut film[pixels]))
     }
 
-    /// Converts `linear` to its pixels.
+    /// Writes linear colours, converted to the film's format.
     ///
     /// # Panics
     /// If the lengths differ.
@@ -370,7 +370,7 @@ impl<'a> FilmMut<'a> {
         });
     }
 
-    /// The format of its pixels.
+    /// The format of the pixels.
     pub fn format(&self) -> PixelFormat {
         match self {
             FilmMut::F32x4(_) => PixelFormat::F32x4,
@@ -381,12 +381,12 @@ impl<'a> FilmMut<'a> {
         }
     }
 
-    /// Pixels.
+    /// The number of pixels.
     pub fn len(&self) -> usize {
         with_pixels!(FilmMut(pixels) = self => pixels.len())
     }
 
-    /// Whether there is none.
+    /// Whether the film has no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -394,7 +394,8 @@ impl<'a> FilmMut<'a> {
 
 /// The 8-bit level of a linear value: floor(255 v) with v clamped to [0, 1], and 0 for a NaN.
 ///
-/// A value in f32 must be passed exactly: 255 v has at most 32 bits and is exact in f64.
+/// A value in f32 is to be passed unchanged: 255 v then has at most 32 significant bits and is
+/// exact in f64.
 pub fn level(v: f64) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)) as u8
 }

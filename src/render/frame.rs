@@ -1,4 +1,4 @@
-//! The frame: drives an engine over rows of a picture with any number of threads.
+//! Drives an engine over rows of a picture with any number of threads.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
@@ -15,7 +15,7 @@ use crate::kernels::StandardFloats;
 use crate::plan::{Cancel, Halved, MAX_THREADS, Team};
 use crate::scene::Camera;
 
-/// A task has as many whole rows as have this many pixels, and at least one.
+/// A task has whole rows: as many as have this many pixels together, but at least one.
 const TASK_PIXELS: usize = 1 << 14;
 
 /// The settings of a frame.
@@ -31,22 +31,22 @@ pub enum RenderError {
     /// Not even one band fits into memory.
     #[error(transparent)]
     Memory(#[from] NoMemory),
-    /// A film of another size.
+    /// The film has another size than the rows.
     #[error("the picture cannot be traced: {0}")]
     Size(#[from] WrongSize),
     /// The threads could not be started.
     #[error("cannot start {threads} threads: {} {given}, ask for no more",
         if *given == MAX_THREADS { "there may be" } else { "the system gives" })]
     Threads {
-        /// The number requested.
+        /// The number of threads requested.
         threads: usize,
-        /// The number that there could be.
+        /// The number of threads that there can be.
         given: usize,
     },
-    /// [`Frame::stopped_by`] stopped it.
+    /// [`Frame::stopped_by`]'s argument was set.
     #[error("tracing was stopped")]
     Cancelled,
-    /// An error of the image file.
+    /// The image file could not be written.
     #[cfg(feature = "files")]
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -58,13 +58,13 @@ pub struct Frame<'a> {
     pub(super) camera: Camera,
     team: Arc<Team>,
     cancel: Option<&'a Cancel>,
-    /// Whether [`Stats`](super::Stats) count rays and their hits.
+    /// Whether [`Stats`](super::Stats) include the number of rays and of hits.
     #[cfg(feature = "files")]
     pub(super) counts_hits: bool,
 }
 
 impl<'a> Frame<'a> {
-    /// Starts the threads, or reuses those of the last frame or plan that had as many.
+    /// Starts the threads, or takes over those of the last frame or plan if it had as many.
     ///
     /// # Errors
     /// [`RenderError::Threads`].
@@ -84,13 +84,13 @@ impl<'a> Frame<'a> {
     }
 
     /// Lets `cancel` stop [`trace`](Self::trace) and `render_to_file`. It is checked before every
-    /// few rows: one, or as many as a tile has.
+    /// task, which has then as few rows as possible: one, or as many as a tile has.
     pub fn stopped_by(mut self, cancel: &'a Cancel) -> Self {
         self.cancel = Some(cancel);
         self
     }
 
-    /// Makes [`Stats`](super::Stats) count rays and their hits.
+    /// Makes [`Stats`](super::Stats) include the number of rays and of hits.
     #[cfg(feature = "files")]
     pub fn counting_hits(mut self) -> Self {
         self.counts_hits = true;
@@ -103,9 +103,10 @@ impl<'a> Frame<'a> {
         self.team.threads()
     }
 
-    /// A film for `rows` rows, in memory that has been touched; an error if the picture has fewer.
+    /// A film for `rows` rows, all of whose memory has been written to. It is an error if the
+    /// picture has fewer rows.
     pub fn film(&self, format: PixelFormat, rows: u32) -> Result<Film, RenderError> {
-        self.has_rows(rows)?;
+        self.check_rows(rows)?;
         let pixels = self.camera.width() as usize * rows as usize;
         Ok(Film::new(format, pixels)?)
     }
@@ -114,12 +115,12 @@ impl<'a> Frame<'a> {
     /// Afterwards the threads stay awake for a while, since more work is likely to follow.
     ///
     /// # Errors
-    /// [`RenderError::Size`], and nothing is traced, if the picture has no such rows, or the film
-    /// not as many pixels. [`RenderError::Cancelled`] if it was [stopped](Self::stopped_by); then
-    /// some rows are as they were.
+    /// [`RenderError::Size`] if the picture has no such rows or the film has another number of
+    /// pixels; then nothing is traced. [`RenderError::Cancelled`] if tracing was
+    /// [stopped](Self::stopped_by); then some rows are unchanged.
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
         let pixels = self.camera.width() as usize * rows.len();
-        self.has_rows(rows.end)?;
+        self.check_rows(rows.end)?;
         if film.len() != pixels {
             return Err(WrongSize { what: "pixels of the film", found: film.len(), expected: pixels }.into());
         }
@@ -128,13 +129,13 @@ impl<'a> Frame<'a> {
         if self.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
     }
 
-    /// Whether it was stopped.
+    /// Whether the frame was stopped.
     pub(super) fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(Cancel::is_cancelled)
     }
 
-    /// Whether the picture has as many rows.
-    fn has_rows(&self, rows: u32) -> Result<(), WrongSize> {
+    /// Checks that the picture has this number of rows.
+    fn check_rows(&self, rows: u32) -> Result<(), WrongSize> {
         let (what, found, expected) = ("rows of the picture", rows as usize, self.camera.height() as usize);
         if found > expected { Err(WrongSize { what, found, expected }) } else { Ok(()) }
     }
@@ -171,7 +172,7 @@ impl<'a> Frame<'a> {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
     }
 
-    /// As [`trace`](Self::trace), and returns the rays and their hits, if the engine
+    /// As [`trace`](Self::trace). Returns the number of rays and hits, if the engine
     /// [knows](Tracer::counted_rows) them.
     ///
     /// # Panics
@@ -183,7 +184,7 @@ impl<'a> Frame<'a> {
         sum.into_inner().expect(UNPOISONED)
     }
 
-    /// The rays of `rows`, and their hits.
+    /// Counts the rays of `rows`, and their hits.
     pub fn count(&self, rows: Range<u32>) -> Counted {
         let (task_rows, rows) = (self.task_rows(), existing(rows, self.camera.height()));
         let sum = Mutex::new(Some(Counted::default()));
@@ -201,14 +202,14 @@ impl<'a> Frame<'a> {
 
     /// The number of rows that a thread takes at a time.
     pub(super) fn task_rows(&self) -> usize {
-        // Before each task it is checked whether the frame was stopped: the smaller tasks are, the
+        // The frame checks before each task whether it was stopped: the smaller the tasks, the
         // sooner it stops.
         let pixels = if self.cancel.is_some() { 0 } else { TASK_PIXELS };
         let rows = (pixels / self.camera.width() as usize).max(1);
         rows.next_multiple_of(self.rows_together() as usize)
     }
 
-    /// [`Tracer::rows_together`], whatever a tracer says.
+    /// [`Tracer::rows_together`], limited to the rows that the picture has.
     pub(super) fn rows_together(&self) -> u32 {
         self.tracer.rows_together().clamp(1, self.camera.height())
     }
@@ -223,8 +224,8 @@ impl<'a> Frame<'a> {
         let width = self.camera.width() as usize;
         assert_rows(&rows, [self.camera.width(), self.camera.height()], film.len());
         let task_rows = self.task_rows();
-        // Rows that cost least when traced together are not separated: half of a tile takes four
-        // fifths of its time.
+        // Rows that are cheapest to trace together are not separated: half a tile takes four fifths
+        // of a tile's time.
         let together = self.rows_together();
         let halve = |(start, part): (u32, &'f mut [P])| {
             let count = (part.len() / width) as u32 / 2 / together * together;
@@ -246,7 +247,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Adds the counts of some rows; if those are unknown, the sum becomes unknown.
+/// Adds the counts of some rows. If these are unknown, the sum becomes unknown.
 fn add(sum: &Mutex<Option<Counted>>, some: Option<Counted>) {
     let mut sum = sum.lock().expect(UNPOISONED);
     *sum = sum.zip(some).map(|(sum, some)| sum + some);

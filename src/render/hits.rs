@@ -11,27 +11,27 @@ use crate::scene::Object;
 pub struct Hit {
     /// The first object that the ray hits.
     pub object: Object,
-    /// The point in the camera's frame: z is the depth, and its length the distance from the
+    /// The point in the camera's frame: its z is the depth, and its length is the distance from the
     /// pinhole.
     pub place: DVec3,
-    /// The unit normal, of a triangle on either side. None if the engine cannot give it.
+    /// The unit normal; for a triangle, either of its two. None if the engine cannot give it.
     pub normal: Option<DVec3>,
 }
 
-/// What a tracer reports of a pixel; [`Frame::hit`](super::Frame::hit) makes a [`Hit`] of it.
+/// What a tracer finds at a pixel. [`Frame::hit`](super::Frame::hit) makes a [`Hit`] of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// The first object that the ray hits.
     pub object: Object,
-    /// Where it is on the ray.
+    /// How far along the ray the hit is.
     pub distance: Distance,
-    /// The unit normal, of a triangle on either side. None if the engine cannot give it.
+    /// The unit normal; for a triangle, either of its two. None if the engine cannot give it.
     pub normal: Option<DVec3>,
 }
 
-/// How far a hit is along its ray: the point is t r_d, where r_d is the ray's direction with the
-/// focal distance as its z, so that t is the depth in focal distances. Engines that work with
-/// planes over the picture have 1/t.
+/// How far along its ray a hit is. The point is t r_d, where the z of r_d is the focal distance, so
+/// that t is the depth in focal distances. Engines that compute with planes over the picture have
+/// 1/t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distance {
     /// The distance t.
@@ -41,7 +41,7 @@ pub enum Distance {
 }
 
 impl Distance {
-    /// The distance t, however it is held.
+    /// The distance t, computed from 1/t if need be.
     pub fn t(self) -> f64 {
         match self {
             Distance::T(t) => t,
@@ -50,12 +50,12 @@ impl Distance {
     }
 }
 
-/// The number of rays, and of those that hit something.
+/// The number of rays, and of the rays that hit something.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counted {
     /// Rays that contribute to the picture.
     pub rays: u64,
-    /// Those that hit something.
+    /// Rays that hit something.
     pub hits: u64,
 }
 

@@ -1,4 +1,5 @@
-//! Image files: written band by band, so that no image has to be in memory whole, and read back.
+//! Image files, written band by band, so that an image need not be in memory as a whole, and read
+//! back.
 
 mod encode;
 mod exr;
@@ -27,12 +28,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
-/// The most bytes that one byte of deflate can stand for: two bits can stand for 258 bytes.
+/// How many bytes a byte of deflate can stand for at most: two bits can stand for 258 bytes.
 const DEFLATE_EXPANSION: u64 = 1032;
 
 /// A format that images are written in.
-// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and the writer that
-// joins its parts in `encode.rs`, and its decoder in `read.rs`.
+// A new format needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and its joiner of
+// parts in `encode.rs`, and its decoder in `read.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// PNG: 8 bits per channel, compressed without loss.
@@ -41,26 +42,28 @@ pub enum Format {
     Ppm,
     /// PPM as text (P3): 8 bits per channel, one pixel per line.
     PpmText,
-    /// PFM: linear floats as they are, little endian.
+    /// PFM: linear floats, uncompressed, little endian.
     Pfm,
-    /// OpenEXR: linear floats as they are, compressed without loss.
+    /// OpenEXR: linear floats, compressed without loss.
     Exr,
-    /// Radiance HDR: linear values from 0, in 8 bits each with a common exponent; held in memory
-    /// until it is complete.
+    /// Radiance HDR: linear values that are not negative, with 8 bits each and a common exponent;
+    /// held in memory until the image is complete.
     Hdr,
-    /// TIFF: 8 bits per channel, compressed without loss; held in memory until it is complete.
+    /// TIFF: 8 bits per channel, compressed without loss; held in memory until the image is
+    /// complete.
     Tiff,
-    /// QOI: 8 bits per channel, compressed without loss; held in memory until it is complete.
+    /// QOI: 8 bits per channel, compressed without loss; held in memory until the image is
+    /// complete.
     Qoi,
 }
 
 impl Format {
-    /// The extension of file names, in lower case, and the format that is written under it.
+    /// Each file extension, in lower case, with the format that is written under it.
     pub const EXTENSIONS: &[(&str, Format)] = &[
         ("png", Format::Png),
         ("ppm", Format::Ppm),
-        // The extension means a grey image, but scenes from the paper's time give it to P3 images
-        // in colour.
+        // `.pgm` means a grey image, but scenes from the paper's time use it for P3 images in
+        // colour.
         ("pgm", Format::PpmText),
         ("pfm", Format::Pfm),
         ("exr", Format::Exr),
@@ -70,8 +73,8 @@ impl Format {
         ("qoi", Format::Qoi),
     ];
 
-    /// The format of a file name by its extension, in upper or lower case; PNG if it has none.
-    /// Before `:-`, which is standard output, the extension stands alone.
+    /// The format that a file name means by its extension, in upper or lower case; PNG without an
+    /// extension. For standard output, `:-` follows the extension.
     ///
     /// # Errors
     /// If the extension is unknown; the message lists the known ones.
@@ -82,9 +85,9 @@ impl Format {
         known.map(|&(_, format)| format).ok_or_else(|| ImageError::UnknownFormat { path: path.into() })
     }
 
-    /// The format of the pixels that it is written from: three levels ([`ImageWriter::write_rgb8`])
-    /// or three floats ([`ImageWriter::write_f32x3`]); no file format here is written with a fourth
-    /// channel.
+    /// The format of the pixels from which a file is made: three levels
+    /// ([`ImageWriter::write_rgb8`]) or three floats ([`ImageWriter::write_f32x3`]). No file format
+    /// is written with a fourth channel.
     pub fn pixels(self) -> PixelFormat {
         match self {
             Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => PixelFormat::Rgb8,
@@ -92,7 +95,7 @@ impl Format {
         }
     }
 
-    /// Whether its pixels are levels and not floats.
+    /// Whether the pixels are levels and not floats.
     pub fn is_8bit(self) -> bool {
         self.pixels().is_8bit()
     }
@@ -106,11 +109,12 @@ pub enum ImageError {
     /// The name has an unknown extension.
     #[error("{path}: the name of an image must end in {}", extensions(), path = shown(path))]
     UnknownFormat { path: PathBuf },
-    /// One side is zero.
+    /// A side of the image is zero.
     #[error("{path}: an image of {width}x{height} has no pixels to write: give both sides at least 1",
         path = shown(path))]
     NoPixels { path: PathBuf, width: u32, height: u32 },
-    /// More pixels than are held in memory, in a format that cannot be written row by row.
+    /// The image has more pixels than may be held in memory, and the format cannot be written row
+    /// by row.
     #[error("{path}: an image of {width}x{height} takes {need} MiB of memory in this format, which is written as a \
         whole, and {limit} MiB are allowed: name it .png, .ppm, .exr or .pfm, which are written row by row",
         path = shown(path), need = bytes >> 20, limit = encode::MAX_WHOLE >> 20)]
@@ -118,7 +122,7 @@ pub enum ImageError {
         path: PathBuf,
         width: u32,
         height: u32,
-        /// The memory that its pixels take.
+        /// The memory that the image's pixels take.
         bytes: u64,
     },
     /// The file could not be created, written or named.
@@ -144,11 +148,11 @@ pub enum ImageError {
     #[error("{path} is of an unsupported format: rayo reads PNG, PNM (PBM, PGM, PPM and PAM), PFM, EXR, HDR, TIFF and \
         QOI", path = shown(path))]
     NotAnImage { path: PathBuf },
-    /// The content is something else altogether, such as a web page.
+    /// The content is something else than an image, such as a web page.
     #[error("{path}: {what}, and an image is expected: {help}", path = shown(path))]
     Mistaken {
         path: PathBuf,
-        /// What it is, in words.
+        /// What the content is, in words.
         what: &'static str,
         /// What to do.
         help: &'static str,
@@ -160,14 +164,14 @@ pub enum ImageError {
         /// The damage.
         what: String,
     },
-    /// An image of a kind that the decoders do not support, or not safely.
+    /// The image is of a kind that the decoders do not support, or not safely.
     #[error("{path} is of a kind that is not read here: {what}; convert it to PNG or PFM first", path = shown(path))]
     OtherKind {
         path: PathBuf,
         /// The kind.
         what: String,
     },
-    /// A valid image of a kind that would lose something.
+    /// The image is valid, but something of it would be lost.
     #[error("{path} has {what}, which would be lost here: convert it to 8-bit RGB or to PFM first",
         path = shown(path))]
     Unsupported {
@@ -175,7 +179,7 @@ pub enum ImageError {
         /// What would be lost.
         what: &'static str,
     },
-    /// There is no memory for its pixels.
+    /// There is not enough memory for the pixels.
     #[error("{path} has {width}x{height} pixels, and there is no memory for {bytes} bytes of them", path = shown(path))]
     Memory {
         path: PathBuf,
@@ -184,13 +188,13 @@ pub enum ImageError {
         /// The memory requested.
         bytes: usize,
     },
-    /// More pixels than may be read into memory.
+    /// The image has more pixels than may be read into memory.
     #[error("{path} has {width}x{height} pixels, more than the {limit} MiB of memory allowed for one picture: \
         compare a part of it", path = shown(path), limit = read::MAX_BYTES >> 20)]
     TooLarge { path: PathBuf, width: u32, height: u32 },
 }
 
-/// ".png, .ppm, ... or .pfm".
+/// The list of extensions, as text: ".png, .ppm, ... or .pfm".
 fn extensions() -> String {
     let names: Vec<_> = Format::EXTENSIONS.iter().map(|(extension, _)| format!(".{extension}")).collect();
     match names.split_last() {
@@ -199,17 +203,17 @@ fn extensions() -> String {
     }
 }
 
-/// The rows of a picture that a file holds: some or all.
+/// The rows of a picture that a file holds: all or some of them.
 #[derive(Clone, Debug)]
 pub(super) struct Extent {
     width: u32,
     rows: Range<u32>,
-    /// The rows of the picture.
+    /// The number of rows of the picture.
     whole: u32,
 }
 
 impl Extent {
-    /// Some of the rows of a picture of this width and height.
+    /// Some of the rows of a picture with this width and height.
     pub(super) fn new((width, whole): (u32, u32), rows: Range<u32>) -> Self {
         assert!(rows.start <= rows.end && rows.end <= whole, "{rows:?} of {whole} rows");
         Extent { width, rows, whole }
@@ -220,8 +224,8 @@ impl Extent {
     }
 }
 
-/// Encodes parts of a picture, in any order and from any thread: [`ImageWriter::append`] joins them
-/// to a file.
+/// Encodes parts of a picture, in any order and from any thread. [`ImageWriter::append`] joins the
+/// parts to a file.
 pub(super) struct PartEncoder {
     format: Format,
     encode: Box<dyn Encode>,
@@ -238,7 +242,7 @@ impl PartEncoder {
         self.format.pixels()
     }
 
-    /// The number of rows in a part but the last; None if parts may be cut anywhere.
+    /// The number of rows in every part but the last; None if parts may be cut anywhere.
     pub(super) fn part_rows(&self) -> Option<u32> {
         self.encode.part_rows()
     }
@@ -253,40 +257,40 @@ impl PartEncoder {
     }
 }
 
-/// An image file being written: takes rows from the top, and appears under its name when
-/// [`finish`](Self::finish)ed.
+/// An image file that is being written. It takes rows from the top, and appears under its name when
+/// it is [`finish`](Self::finish)ed.
 ///
-/// Until then nothing is there, or what was there before; on Linux not even a hidden file. A
-/// symbolic link stays, and the file that it points to is replaced. A device or a pipe is written
-/// to directly, and so is standard output under the name `-`.
+/// Until then there is nothing under the name, or the file that was there before; on Linux there is
+/// not even a hidden file. A symbolic link stays, and the file that it points to is replaced. A
+/// device or a pipe is written to directly, and so is standard output under the name `-`.
 pub struct ImageWriter {
     path: PathBuf,
     extent: Extent,
-    /// The number of rows written.
+    /// The number of rows written so far.
     rows: u32,
     encoder: Arc<PartEncoder>,
-    /// Rows that do not fill a part yet.
+    /// Rows that do not make up a whole part yet.
     pending: Film,
-    /// Declared before `destination`, and so dropped before it, so that its last writes still find
+    /// Declared before `destination`, and therefore dropped before it: its last writes still find
     /// the file open.
     joiner: Box<dyn Join>,
     destination: Destination,
 }
 
 impl ImageWriter {
-    /// Begins an image of `width` x `height` pixels that will replace what is at `path`.
+    /// Begins an image of `width` x `height` pixels that will replace the file at `path`.
     ///
     /// # Errors
-    /// If a side is zero, if nothing can be written there, or if the format is held in memory and
-    /// the image is too large ([`ImageError::Whole`]).
+    /// If a side is zero, if nothing can be written at `path`, or if the format is held in memory
+    /// and the image is too large ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
         Self::of_rows(path, format, (width, height), 0..height, Existing::Replace)
     }
 
     /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
     ///
-    /// What appears there while the image is rendered is not replaced either:
-    /// [`finish`](Self::finish) then fails.
+    /// If something appears there before [`finish`](Self::finish) is called, that call fails and
+    /// replaces nothing.
     ///
     /// # Errors
     /// As [`create`](Self::create), and [`OutputError::Exists`].
@@ -294,12 +298,12 @@ impl ImageWriter {
         Self::of_rows(path, format, (width, height), 0..height, Existing::Keep)
     }
 
-    /// Begins an image of some of the rows of a picture: in [`Format::Exr`] at their place in the
-    /// whole picture, in the other formats a picture of these rows.
+    /// Begins an image of some of a picture's rows. In [`Format::Exr`] they are at their position
+    /// in the whole picture; in the other formats they are a picture by themselves.
     ///
     /// # Errors
     /// As [`create`](Self::create), and as [`create_new`](Self::create_new) if an existing file
-    /// must stay.
+    /// must not be replaced.
     ///
     /// # Panics
     /// If the picture does not have these rows.
@@ -326,28 +330,29 @@ impl ImageWriter {
         Ok(ImageWriter { path: path.into(), extent, rows: 0, encoder, pending, joiner, destination })
     }
 
-    /// The format in which it is written.
+    /// The format of the file.
     pub fn format(&self) -> Format {
         self.encoder.format
     }
 
-    /// The rows of the picture that it holds.
+    /// The rows of the picture that the file holds.
     pub fn rows(&self) -> Range<u32> {
         self.extent.rows.clone()
     }
 
-    /// The pixels in a row, the rows of the whole picture, and those that have been written.
+    /// The number of pixels in a row, of rows in the whole picture, and of rows written so far.
     pub(super) fn size(&self) -> [u32; 3] {
         let pending = self.pending.len() / self.extent.width as usize;
         [self.extent.width, self.extent.whole, self.rows + pending as u32]
     }
 
-    /// The encoder of its parts.
+    /// The encoder of the file's parts.
     pub(super) fn encoder(&self) -> Arc<PartEncoder> {
         Arc::clone(&self.encoder)
     }
 
-    /// The time that the system has taken so far to accept what was written, without encoding.
+    /// The time that the system has taken so far to accept what was written, without that of
+    /// encoding.
     pub fn writing(&self) -> Duration {
         self.destination.writing()
     }
@@ -360,8 +365,8 @@ impl ImageWriter {
     /// If writing fails.
     ///
     /// # Panics
-    /// If the format is not an 8-bit one, if a row is incomplete, or if there are more rows than
-    /// the image has: bugs of the caller.
+    /// If the format does not have 8 bits, if a row is incomplete, or if there are more rows than
+    /// the image has. These are bugs of the caller.
     pub fn write_rgb8(&mut self, rows: &[[u8; 3]]) -> Result<(), ImageError> {
         let format = self.format();
         assert!(format.is_8bit(), "{format:?} takes floats: quantising is not done here, nor undone");
@@ -372,8 +377,8 @@ impl ImageWriter {
         self.append_pending()
     }
 
-    /// Appends whole rows of linear R, G, B, unclamped. Any number of rows per call, in order from
-    /// the top.
+    /// Appends whole rows of linear R, G, B, which are not clamped. A call may have any number of
+    /// rows; calls go from the top to the bottom.
     ///
     /// After an error the image cannot be completed.
     ///
@@ -381,8 +386,8 @@ impl ImageWriter {
     /// If writing fails.
     ///
     /// # Panics
-    /// If the format is an 8-bit one, if a row is incomplete, or if there are more rows than the
-    /// image has: bugs of the caller.
+    /// If the format has 8 bits, if a row is incomplete, or if there are more rows than the image
+    /// has. These are bugs of the caller.
     pub fn write_f32x3(&mut self, rows: &[[f32; 3]]) -> Result<(), ImageError> {
         let format = self.format();
         assert!(!format.is_8bit(), "{format:?} takes 8 bits: quantising is not done here");
@@ -393,7 +398,7 @@ impl ImageWriter {
         self.append_pending()
     }
 
-    /// Checks the shape of `pixels` more pixels.
+    /// Checks that `pixels` more pixels are whole rows of the image.
     fn check(&self, pixels: usize) {
         let width = self.extent.width as usize;
         assert!(pixels.is_multiple_of(width), "{pixels} pixels are no whole rows of {width}");
@@ -401,7 +406,7 @@ impl ImageWriter {
         assert!(pixels / width <= left as usize, "{} rows, where {left} are left", pixels / width);
     }
 
-    /// Writes the pending rows that fill a part.
+    /// Writes those pending rows that make up whole parts.
     fn append_pending(&mut self) -> Result<(), ImageError> {
         let _floats = StandardFloats::set();
         let width = self.extent.width as usize;
@@ -421,7 +426,7 @@ impl ImageWriter {
         Ok(())
     }
 
-    /// Writes the next part, of `rows` rows, or returns the encoder's error.
+    /// Writes the next part, which has `rows` rows, or returns the encoder's error.
     pub(super) fn append(&mut self, rows: u32, part: io::Result<Cow<'_, [u8]>>) -> Result<(), ImageError> {
         let appended = part.and_then(|part| self.joiner.append(part));
         appended.map_err(|error| self.destination.explain(&self.path, error))?;
@@ -432,8 +437,8 @@ impl ImageWriter {
     /// Completes the image and gives it its name.
     ///
     /// # Errors
-    /// If rows are missing, or if writing or renaming fails; then the target is as it was before
-    /// (except that a target that is written to directly has received what was written).
+    /// If rows are missing, or if writing or renaming fails. The target is then as it was before,
+    /// except that a target which is written to directly has received what was written.
     pub fn finish(self) -> Result<(), ImageError> {
         let _floats = StandardFloats::set();
         let ImageWriter { path, extent, rows, pending, joiner, destination, .. } = self;

@@ -1,4 +1,4 @@
-//! The engines of packets on one sphere under one light: whole rows in closed form.
+//! Packet engines on one sphere under one light: they render whole rows in closed form.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -12,13 +12,13 @@ use crate::kernels::{Element, LIT_ROWS, LitBodies, LitRow, LitRows, LitSphere, P
 use crate::plan::{LitForm, PlanOptions, Report, Scale};
 use crate::scene::Scene;
 
-/// Whether a picture of this many pixels is stored past the caches, because it does not fit into
-/// its share of them.
+/// Whether a picture of this many pixels is stored with non-temporal stores, which bypass the
+/// caches, because it would not fit into its share of them.
 ///
-/// For floats that share is an eighth of the third-level cache, which other cores, and other
-/// virtual machines on the chip, use too; it is at most 16 MiB, which is also the limit if the
-/// cache does not exist or is unknown. For bytes it is the whole cache, or 32 MiB of a larger one:
-/// until then they are stored as fast as they are made (docs/performance.md).
+/// For floats this share is an eighth of the third-level cache, which other cores, and other
+/// virtual machines on the chip, use too, and at most 16 MiB; without such a cache, or if its size
+/// is unknown, it is 16 MiB. For bytes it is the whole cache, and at most 32 MiB: up to that size
+/// they are stored as fast as they are computed (docs/performance.md).
 fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     const MOST: u64 = 16 << 20;
     const MOST_OF_BYTES: u64 = 2 * MOST;
@@ -27,11 +27,11 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
         .get_or_init(|| caches().into_iter().find(|cache| cache.level == 3).map(|cache| cache.bytes as u64));
     let most =
         third.map_or(MOST, |bytes| if format.is_8bit() { MOST_OF_BYTES.min(bytes) } else { MOST.min(bytes / 8) });
-    // Pixels of three channels are made from others.
+    // Pixels of three channels are converted from four, so that they are never stored this way.
     matches!(format, PixelFormat::F32x4 | PixelFormat::Rgba8) && pixels * format.bytes() as u64 > most
 }
 
-/// A picture of up to this many pixels of a sphere is finished by one thread before the memory of
+/// For a sphere, one thread finishes a picture of up to this many pixels before the memory for
 /// another thread's part would be ready.
 const QUICK: u64 = 1 << 22;
 
@@ -45,8 +45,8 @@ pub struct LitTracer<'a, E: Element> {
 }
 
 impl<'a, E: Element> LitTracer<'a, E> {
-    /// Plans `scene`, whose numbers must be valid, for these kernels. None if the scene
-    /// has no closed form and has to be traced in tiles.
+    /// Plans `scene`, whose numbers must be valid, for these kernels. None if the scene has no
+    /// closed form and has to be traced in tiles.
     pub fn new(kernels: PacketKernelSet<E>, scene: &'a Scene, purpose: Purpose<'_>) -> Option<Self> {
         let form = LitForm::of::<E>(scene, purpose.keep)?;
         let pixels = if purpose.in_bands { 0 } else { scene.camera.pixels() };
@@ -58,7 +58,7 @@ impl<'a, E: Element> LitTracer<'a, E> {
         self.scene.camera.width() as usize
     }
 
-    /// Calls `report` for a few of `rows` at a time, with the first one, their number, and the
+    /// Calls `report` for a few of `rows` at a time: with the first of them, their number, and the
     /// sphere's spans in them.
     fn each_rows(&self, rows: Range<u32>, scale: Scale, mut report: impl FnMut(u32, usize, &LitRows<E>)) {
         let mut lit_rows: LitRows<E> = Plain::ZERO;
@@ -76,13 +76,13 @@ impl<'a, E: Element> LitTracer<'a, E> {
         });
     }
 
-    /// The kernel of an output.
+    /// The kernel that writes an output.
     fn kernel<P: Output<E>>(&self) -> &'static ShadeRows<E, P> {
         let bodies = if self.form.makes_grey() { &self.kernels.element.grey } else { &self.kernels.element.lit };
         P::kernel(bodies, self.kernels.estimates)
     }
 
-    /// The sphere that the kernel of an output renders.
+    /// The sphere, as the kernel of an output takes it.
     fn sphere<P: Output<E>>(&self) -> LitSphere<E> {
         self.form.sphere(P::SCALE).round()
     }
@@ -130,11 +130,12 @@ fn span_of<E: Element>(lit_rows: &LitRows<E>, row: usize) -> Range<usize> {
     start..end.max(start)
 }
 
-/// An output of four channels, in floats or in bytes; those of other formats are converted from it.
+/// An output of four channels, floats or bytes. Pixels of other formats are converted from one of
+/// the two.
 trait Output<E: Element>: Pixel + Plain {
-    /// The value of a channel at full light.
+    /// The value of white in a channel.
     const SCALE: Scale;
-    /// The kernel that makes rows, with estimates if `fast`.
+    /// The kernel that renders rows; with estimates of roots if `fast`.
     fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self>;
 }
 
@@ -147,7 +148,7 @@ impl<E: Element> Output<E> for Vec4 {
 
 impl<E: Element> Output<E> for Rgba8 {
     const SCALE: Scale = Scale::Levels;
-    /// For bytes, estimates are accurate enough in any case.
+    /// For bytes, estimates of roots are always accurate enough.
     fn kernel(bodies: &LitBodies<E>, _: bool) -> &ShadeRows<E, Self> {
         &bodies.rgba8
     }
@@ -195,7 +196,7 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
         None
     }
 
-    /// The closed form computes neither t nor normals, so that tiles provide the hits.
+    /// The closed form computes neither t nor normals, so that hits come from tracing in tiles.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let kernels = PacketKernelSet { estimates: false, ..self.kernels };
         TileTracer::new(kernels, self.scene, PlanOptions::default()).hits(rows)

@@ -1,7 +1,7 @@
-//! A file that appears whole or not at all.
+//! A file that appears as a whole or not at all.
 //!
-//! The file is written beside the target, without a name or hidden, and then takes the target's
-//! name. Targets that cannot be replaced, such as devices, are written to directly.
+//! The file is written beside the target, nameless or hidden, and takes the target's name in the
+//! end. Targets that cannot be replaced, such as devices, are written to directly.
 
 #[cfg(not(target_os = "linux"))]
 mod unfinished;
@@ -19,12 +19,12 @@ use crate::scene::shown;
 #[cfg(not(target_os = "linux"))]
 pub use unfinished::remove_unfinished;
 
-/// What happens to an existing file.
+/// What becomes of an existing file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
     /// The new file replaces it.
     Replace,
-    /// It stays, and its existence is an error.
+    /// It is kept, and its existence is an error.
     Keep,
 }
 
@@ -43,10 +43,10 @@ pub enum OutputError {
         path = shown(path), directory = shown(directory))]
     NoDirectory {
         path: PathBuf,
-        /// The missing directory.
+        /// The directory that does not exist.
         directory: PathBuf,
     },
-    /// The name ends as that of a directory does.
+    /// The name ends like that of a directory.
     #[error("{path} names a directory: name a file in it", path = shown(path))]
     NamesDirectory { path: PathBuf },
     /// No files can be created in the directory of the file.
@@ -54,7 +54,7 @@ pub enum OutputError {
         name one that you may write to", path = shown(path), directory = shown(directory))]
     Directory {
         path: PathBuf,
-        /// The directory that refuses.
+        /// The directory in which no file can be created.
         directory: PathBuf,
         /// The system's error.
         error: io::ErrorKind,
@@ -68,7 +68,7 @@ pub enum OutputError {
     },
 }
 
-/// Advice about a failed write, if there is any.
+/// Advice for a failed write; empty if there is none.
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "; free some space, or write to another disk",
@@ -80,15 +80,15 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// A file being written, in order: it appears under its name when [`finish`](Self::finish)ed. Until
-/// then it has no name at all, so that nothing is left of it however the process ends; on systems
-/// without such files, it is a hidden file beside the target, which dropping removes. It has the
-/// mode and, if permitted, the owner of the file that it replaces; other hard links to that file
-/// keep the old content.
+/// A file that is being written in order; it appears under its name when it is
+/// [`finish`](Self::finish)ed. Until then it has no name at all, so that nothing of it remains
+/// however the process ends. On systems without nameless files it is a hidden file beside the
+/// target, which is removed when this value is dropped. It gets the mode and, if permitted, the
+/// owner of the file that it replaces. Other hard links to that file keep the old content.
 ///
-/// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced;
-/// a target that is not a regular file (`/dev/null`, a FIFO) is written to directly; and so is the
-/// program's own standard output under the name `-` or `/dev/stdout`.
+/// Three kinds of target are treated differently. A symbolic link stays, and the file that it
+/// points to is replaced. A target that is not a regular file (`/dev/null`, a FIFO) is written to
+/// directly. So is the program's own standard output, under the name `-` or `/dev/stdout`.
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
@@ -108,7 +108,7 @@ impl OutputFile {
     /// Completes the file and gives it its name.
     ///
     /// # Errors
-    /// If writing or renaming fails, now or before; then the target is as it was.
+    /// If writing or renaming fails, or a write has failed before. The target is then as it was.
     pub fn finish(self) -> Result<(), OutputError> {
         let OutputFile { path, destination, .. } = self;
         destination.finish(path)
@@ -125,23 +125,23 @@ impl Write for OutputFile {
     }
 }
 
-/// The file that is being written, and how it becomes the target in the end.
+/// The file that is being written, and what makes it the target in the end.
 pub(super) struct Destination {
     sink: Sink,
     end: End,
 }
 
 enum End {
-    /// A file in the target's directory, hidden or still without a name, which will get the
-    /// target's name.
+    /// A file in the target's directory, hidden or nameless, that will get the target's name.
     Rename { hidden: Option<Hidden>, target: PathBuf, existing: Existing },
-    /// The target itself, which cannot be renamed over.
+    /// The file is the target itself.
     Nothing,
-    /// An anonymous file, which is copied to a target that cannot be written out of order.
+    /// A temporary file that is copied to the target, because the target cannot be written out of
+    /// order.
     CopyTo(File),
 }
 
-/// A hidden file, which dropping removes.
+/// A hidden file; it is removed when this value is dropped.
 struct Hidden {
     temporary: TempPath,
     #[cfg(not(target_os = "linux"))]
@@ -149,11 +149,11 @@ struct Hidden {
 }
 
 impl Hidden {
-    /// The file that `make` creates under a new name in the directory.
+    /// Lets `make` create a file under a new name in the directory.
     fn make<T>(directory: &Path, mut make: impl FnMut(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
         #[cfg(not(target_os = "linux"))]
         let mut unfinished = None;
-        // tempfile's own files are for secrets, which no other user may read.
+        // The files that tempfile creates by itself are private, which a picture should not be.
         let made = tempfile::Builder::new().prefix(".rayo-").suffix(".part").make_in(directory, |path| {
             #[cfg(not(target_os = "linux"))]
             unfinished.replace(unfinished::Unfinished::new(path));
@@ -169,14 +169,14 @@ impl Hidden {
     }
 }
 
-/// A file in a directory that has no name there, and is gone if it is closed without one.
+/// A nameless file in a directory. It vanishes if it is closed before it gets a name.
 #[cfg(target_os = "linux")]
 fn nameless(directory: &Path) -> io::Result<File> {
     use std::os::unix::fs::OpenOptionsExt;
     let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
-    // Readable, because it may have to be copied in the end.
+    // It must be readable, since it may have to be copied in the end.
     let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(directory)?;
-    // Checks that the path exists by which the file can get a name in the end.
+    // Checks that the path exists through which the file can get a name in the end.
     fs::symlink_metadata(by_descriptor(&file)).map(|_| file)
 }
 
@@ -186,7 +186,7 @@ fn by_descriptor(file: &File) -> String {
     format!("/proc/self/fd/{}", file.as_raw_fd())
 }
 
-/// Gives a file without a name one that is free.
+/// Gives a nameless file a name that nothing has.
 #[cfg(target_os = "linux")]
 fn give_name(file: &File, path: &Path) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
@@ -203,8 +203,8 @@ fn give_name(_: &File, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// The hidden file that a file without a name becomes by `link`, or a copy of it where the system
-/// refuses that, as sandboxes do.
+/// Makes a hidden file of a nameless one, by `link` or, where the system refuses that, as sandboxes
+/// do, by copying it.
 fn hidden(
     file: &mut File,
     directory: &Path,
@@ -221,18 +221,18 @@ fn hidden(
     Ok(hidden)
 }
 
-/// Waits until the content is on the disk: a name must not be there before it, or a power cut could
-/// leave an empty file in the place of an old one. This is also when some network file systems
-/// report that there was no room.
+/// Waits until the content is on the disk. If the name came first, a power failure could leave an
+/// empty file in place of the old one. Some network file systems report only now that there was no
+/// room.
 fn sync(file: &File) -> io::Result<()> {
     match file.sync_data() {
-        // Some file systems do not support this, because they have nothing to do.
+        // Some file systems do not support syncing, because they have nothing to do.
         Err(error) if matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::InvalidInput) => Ok(()),
         result => result,
     }
 }
 
-/// Gives a file the mode of the one that it will replace, and its owner and group as far as this
+/// Gives a file the mode of the file that it will replace, and its owner and group as far as this
 /// process may. Failures are ignored, since some file systems have neither.
 #[cfg(unix)]
 fn take_after(file: &File, old: &fs::Metadata) {
@@ -240,14 +240,14 @@ fn take_after(file: &File, old: &fs::Metadata) {
     if file.metadata().is_ok_and(|new| (new.uid(), new.gid()) != (old.uid(), old.gid())) {
         let _ = fchown(file, Some(old.uid()), Some(old.gid())).or_else(|_| fchown(file, None, Some(old.gid())));
     }
-    // A picture must not inherit the right to run as its owner.
+    // The picture must not inherit the set-user-ID and set-group-ID bits.
     let _ = file.set_permissions(fs::Permissions::from_mode(old.mode() & 0o777));
 }
 
 #[cfg(not(unix))]
 fn take_after(_: &File, _: &fs::Metadata) {}
 
-/// Opens the output for an image at `path`. `seeking`: whether it will be written out of order.
+/// Opens the output for an image at `path`. `seeking` says whether it will be written out of order.
 pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(Destination, Sink), OutputError> {
     let failed = |error| OutputError::Write { path: path.into(), error };
     if existing == Existing::Keep && fs::symlink_metadata(path).is_ok() {
@@ -270,30 +270,30 @@ pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(De
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
-/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or a
-/// system path.
+/// Whether the name means the program's own standard output: `-`, `ppm:-` and the like, or a path
+/// of the system's.
 pub fn is_standard_output(path: &Path) -> bool {
     let names = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
     cfg!(unix) && (names.iter().any(|name| path == Path::new(name)) || format_of_standard_output(path).is_some())
 }
 
-/// Whether a name is that of the program's own standard error.
+/// Whether the name means the program's own standard error.
 pub fn is_standard_error(path: &Path) -> bool {
     ["/dev/stderr", "/dev/fd/2", "/proc/self/fd/2"].iter().any(|name| path == Path::new(name))
 }
 
-/// The extension before `:-`, which gives standard output a format.
+/// The extension before `:-`, which chooses the format of standard output.
 pub(super) fn format_of_standard_output(path: &Path) -> Option<&OsStr> {
     path.to_str()?.strip_suffix(":-").filter(|format| !format.contains('/')).map(OsStr::new)
 }
 
-/// The open target, if it is to be written to directly: not a regular file, or one reached through
-/// a descriptor.
+/// The open target, if it is to be written to directly: it is not a regular file, or it is reached
+/// through a file descriptor.
 fn direct(path: &Path) -> io::Result<Option<File>> {
     #[cfg(unix)]
     if is_standard_output(path) {
-        // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a
-        // socket.
+        // The descriptor itself is used and not its path: it keeps the offset of `>> file`, and
+        // works for a socket.
         use std::os::fd::AsFd;
         if !crate::kernels::sys::is_open(1) {
             return Err(io::Error::other("standard output is closed"));
@@ -305,11 +305,11 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     if is_error && !crate::kernels::sys::is_open(2) {
         return Err(io::Error::other("standard error is closed"));
     }
-    // Links of the system's own, as /proc/self/fd/3, and not /proc/self/cwd/a.png.
+    // Links of the system's own, such as /proc/self/fd/3, but not /proc/self/cwd/a.png.
     let of_system = |folder: &Path| folder.canonicalize().is_ok_and(|folder| folder.starts_with("/proc"));
     let descriptor = is_error || fs::read_link(path).is_ok() && path.parent().is_some_and(of_system);
     match fs::metadata(path) {
-        // For a directory, opening it gives the clearest error.
+        // For a directory, the attempt to open it gives the clearest error.
         Ok(metadata) if descriptor || !metadata.is_file() => {
             OpenOptions::new().write(true).truncate(true).open(path).map(Some)
         }
@@ -319,11 +319,11 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// A new file in the target's directory.
+/// Creates a new file in the target's directory.
 fn beside(path: &Path, existing: Existing) -> Result<(File, End), OutputError> {
     let target = behind_links(path).map_err(|error| OutputError::Write { path: path.into(), error })?;
     let old = fs::metadata(&target).ok();
-    // A rename would not check whether the old file may be written to.
+    // A rename does not check whether the old file may be written to.
     if old.as_ref().is_some_and(|metadata| metadata.permissions().readonly()) {
         return Err(OutputError::ReadOnly { path: path.into() });
     }
@@ -337,7 +337,7 @@ fn beside(path: &Path, existing: Existing) -> Result<(File, End), OutputError> {
     Ok((file, End::Rename { hidden, target, existing }))
 }
 
-/// The error of a file for `path` that was not made in a directory.
+/// The error for a file that could not be created in a directory.
 fn unmade(path: &Path, directory: &Path, error: io::Error) -> OutputError {
     let (path, directory) = (path.into(), PathBuf::from(directory));
     match error.kind() {
@@ -357,7 +357,7 @@ fn directory(target: &Path) -> &Path {
 /// Follows symbolic links from `path` to their final target, which need not exist.
 fn behind_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
-    // As many as Linux follows; a loop of links has already failed when the metadata was read.
+    // As many as Linux follows. A loop of links has failed before, when the metadata was read.
     for _ in 0..40 {
         match fs::symlink_metadata(&path) {
             Ok(metadata) if metadata.is_symlink() => {
@@ -371,8 +371,8 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
 }
 
 impl Destination {
-    /// The error of a write to `path`: the first failure, since an encoder's own error may have
-    /// lost its kind.
+    /// The error of a write to `path`. It is the first failure of the file, since an encoder's own
+    /// error may have lost its kind.
     pub(super) fn explain(&self, path: &Path, error: io::Error) -> OutputError {
         OutputError::Write { path: path.into(), error: self.sink.attempt(|_| Ok(())).err().unwrap_or(error) }
     }
@@ -382,7 +382,7 @@ impl Destination {
         self.sink.lock().out.get_ref().writing
     }
 
-    /// Writes everything to the system and gives the file the target's name; `path` is for
+    /// Flushes everything to the system and gives the file the target's name. `path` is for
     /// messages.
     pub(super) fn finish(self, path: PathBuf) -> Result<(), OutputError> {
         self.complete().map_err(|error| match error.kind() {
@@ -420,8 +420,8 @@ impl Destination {
 /// A buffered file that remembers its first failure, shared between an encoder and the
 /// [`Destination`].
 ///
-/// The PNG encoder writes its last bytes from destructors, which cannot report an error: it must be
-/// queried here.
+/// The PNG encoder writes its last bytes in destructors, which cannot report an error, so that the
+/// failure has to be asked for here.
 #[derive(Clone)]
 pub(super) struct Sink(Arc<Mutex<Inner>>);
 
@@ -430,7 +430,7 @@ struct Inner {
     failure: Option<io::Error>,
 }
 
-/// A file that measures the time that the system takes to accept writes.
+/// A file that measures how long the system takes to accept writes.
 struct Timed {
     file: File,
     writing: Duration,
@@ -471,7 +471,7 @@ impl Sink {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does something with the file, unless it has failed before: then returns that error.
+    /// Applies `action` to the file, unless it has failed before; then it returns that error.
     fn attempt<T>(&self, action: impl FnOnce(&mut BufWriter<Timed>) -> io::Result<T>) -> io::Result<T> {
         let mut inner = self.lock();
         if let Some(failure) = &inner.failure {
@@ -503,7 +503,7 @@ impl Write for Sink {
     }
 }
 
-/// A copy of an error, since `io::Error` cannot be cloned.
+/// A copy of an error, since `io::Error` does not implement Clone.
 fn copy(error: &io::Error) -> io::Error {
     match error.raw_os_error() {
         Some(code) => io::Error::from_raw_os_error(code),

@@ -11,17 +11,17 @@ pub struct Picture {
     pub pixels: Pixels,
 }
 
-/// The pixels of a [`Picture`], channels in the order red, green, blue.
+/// The pixels of a [`Picture`], with channels in the order red, green, blue.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Pixels {
     /// Levels from 0 to 255.
     Rgb8(Vec<[u8; 3]>),
-    /// Linear values, not clamped; NaN and infinities can occur in files of other programs.
+    /// Linear values, not clamped. Files of other programs may contain NaN and infinities.
     Rgb32F(Vec<[f32; 3]>),
 }
 
 impl Picture {
-    /// Puts `pixels`, rows from the top, into a picture.
+    /// Makes a picture of `pixels`, whose rows are ordered from the top.
     ///
     /// # Panics
     /// If there are not exactly `width * height` pixels.
@@ -31,7 +31,7 @@ impl Picture {
         picture
     }
 
-    /// The fields are public, so code that relies on the number of pixels checks it.
+    /// Checks the number of pixels, which the public fields do not guarantee.
     ///
     /// # Panics
     /// If there are not `width * height` pixels.
@@ -50,7 +50,7 @@ impl Pixels {
         }
     }
 
-    /// Whether there is no pixel at all.
+    /// Whether there are no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

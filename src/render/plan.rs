@@ -1,4 +1,4 @@
-//! The plan of a scene: which tracer traces it, and which work that omits.
+//! The plan of a scene: which tracer traces it, and what work that tracer omits.
 
 use std::ops::Range;
 
@@ -12,11 +12,11 @@ use crate::kernels::{self, Element, ElementKernels, PacketKernels, StandardFloat
 use crate::plan::{Cancel, PlanOptions, Report};
 use crate::scene::Scene;
 
-/// A scene planned for an engine.
+/// A scene that has been planned for an engine.
 pub struct Plan<'a> {
     engine: Engine,
     scene: &'a Scene,
-    /// Whether it is for pixels of 8 bits.
+    /// Whether the plan is for pixels of 8 bits.
     bytes: bool,
     tracer: Box<dyn Tracer + 'a>,
 }
@@ -59,7 +59,8 @@ impl<'a> Plan<'a> {
         Ok(Plan { engine, scene, bytes, tracer })
     }
 
-    /// The kept and the omitted work; for bytes, if the purpose names no format.
+    /// The report of kept and omitted work. If the purpose names no format, it is the report for
+    /// bytes.
     pub fn report(&self) -> Report {
         self.tracer.report(self.bytes).unwrap_or_else(|| Report::of_rays(self.scene, self.engine.omissions()))
     }
@@ -69,14 +70,14 @@ impl<'a> Plan<'a> {
         self.tracer.as_ref()
     }
 
-    /// Returns the tracer alone.
+    /// Drops the plan, and returns its tracer.
     pub fn into_tracer(self) -> Box<dyn Tracer + 'a> {
         self.tracer
     }
 }
 
-/// Wraps a tracer so that each call computes in [`StandardFloats`], whichever thread of the host
-/// makes it.
+/// Wraps a tracer so that each call computes in [`StandardFloats`], from whichever thread of the
+/// host it comes.
 struct Guarded<'a> {
     tracer: Box<dyn Tracer + 'a>,
 }
@@ -140,20 +141,19 @@ fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + '
     })
 }
 
-/// The kernels of an instruction set with which packets are traced in one element type.
+/// The kernels of an instruction set for packets of one element type.
 #[derive(Clone, Copy)]
 pub struct PacketKernelSet<E: Element> {
-    /// Those of both element types, and those that do not depend on it.
+    /// Kernels of both element types, and kernels that do not depend on it.
     pub packets: &'static PacketKernels,
-    /// Those of this element type.
+    /// Kernels of this element type.
     pub element: &'static ElementKernels<E>,
-    /// Whether colours may be computed with estimates of roots in floats too, and not in bytes
-    /// alone.
+    /// Whether floats too may be computed with estimates of roots. Bytes always are.
     pub estimates: bool,
 }
 
-/// Makes the tracer of a packet engine: in whole rows for one sphere under one light, otherwise in
-/// tiles.
+/// Makes the tracer of a packet engine: by the closed form for one sphere under one light,
+/// otherwise in tiles.
 fn packets<'a, E: Element>(
     kernels: PacketKernelSet<E>,
     scene: &'a Scene,
@@ -167,7 +167,7 @@ fn packets<'a, E: Element>(
     }
     let planning = PlanOptions { keep: purpose.keep, threads: purpose.threads, cancel: purpose.cancel };
     let tracer = TileTracer::new(kernels, scene, planning);
-    // Set-up reads every object, and so checks at no cost whether their numbers are valid.
+    // Set-up reads every object, so that checking their numbers there costs nothing.
     if !tracer.is_valid() {
         scene.check()?;
     }

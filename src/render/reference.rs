@@ -17,7 +17,7 @@ use crate::scene::{Grid, Object, Scene};
 pub struct Hit {
     /// The object.
     pub object: Object,
-    /// The point t r_d.
+    /// The distance t; the hit is at the point t r_d.
     pub t: f64,
 }
 
@@ -34,7 +34,7 @@ struct Sphere {
 
 struct Triangle {
     vertices: [DVec3; 3],
-    /// The unit normal, or NaN if the triangle has no area: then it is never hit.
+    /// The unit normal; NaN for a triangle without an area, which is then never hit.
     normal: DVec3,
     colour: DVec3,
 }
@@ -50,7 +50,7 @@ pub struct ReferenceTracer {
 }
 
 impl ReferenceTracer {
-    /// Takes `scene`, whose f32 numbers are exact in f64.
+    /// Converts `scene` to f64, which holds its f32 numbers exactly.
     pub fn new(scene: &Scene) -> Self {
         let lights = scene.lights.iter().map(|light| Light {
             position: light.position.as_dvec3(),
@@ -83,7 +83,8 @@ impl ReferenceTracer {
         self.grid.ray(row, col).into()
     }
 
-    /// The nearest hit of the ray through a pixel; the first of several that are equally near.
+    /// The nearest hit of the ray through a pixel; if several are equally near, the first in the
+    /// scene.
     pub fn hit(&self, row: u32, col: u32) -> Option<Hit> {
         let d = self.ray(row, col);
         let spheres = self.spheres.iter().enumerate();
@@ -94,7 +95,7 @@ impl ReferenceTracer {
         hits.reduce(|nearest, hit| if hit.t < nearest.t { hit } else { nearest })
     }
 
-    /// The unit normal of an object at its point `p`.
+    /// The unit normal of an object at the point `p` of its surface.
     fn normal(&self, object: Object, p: DVec3) -> DVec3 {
         match object {
             Object::Sphere(i) => geometry::sphere_normal(p, self.spheres[i].centre),
@@ -122,8 +123,9 @@ impl ReferenceTracer {
         Some(lights.map(|light| cosine(light.position) * light.radiance * colour).sum())
     }
 
-    /// Whether a light reaches the visible point `p` of an object: no other object is between them,
-    /// nor a wall of the object itself. `epsilon` is that of the type in which `p` was rounded.
+    /// Whether a light reaches the visible point `p` of an object: neither another object nor the
+    /// object's own surface is between them. `epsilon` is that of the type to which `p` was
+    /// rounded.
     pub(super) fn reaches(&self, light: DVec3, object: Object, p: DVec3, epsilon: f64) -> bool {
         let is_turned_away = match object {
             Object::Sphere(i) => geometry::power(self.spheres[i].centre, self.spheres[i].radius) <= 0.0,

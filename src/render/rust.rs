@@ -1,4 +1,4 @@
-//! The engine `rust`: Algorithm 1 in f32 with glam's `Vec3A`, as in ordinary Rust.
+//! The engine `rust`: Algorithm 1 in f32 with glam's `Vec3A`, written as ordinary Rust.
 //!
 //! Terms that do not depend on the ray are computed once, and only the nearest hit is shaded.
 
@@ -26,16 +26,16 @@ struct Sphere {
     constant: f32,
     /// r^2.
     squared_radius: f32,
-    /// Whether the centre is at least sqrt 2 radii away.
+    /// Whether the centre is at least sqrt 2 radii from the camera.
     far: bool,
     colour: Vec3A,
 }
 
-/// A triangle's planes, computed in f64 and rounded once: in f32 the rounding errors of a triangle
-/// of no area, or of a plane through the camera, would look like a plane. The normals are scaled by
-/// [`near_1`], so that triangles of any size stay within the range of f32.
+/// The planes of a triangle, computed in f64 and rounded once: in f32 the rounding errors of a
+/// triangle without an area, or in a plane through the camera, would look like a plane. The normals
+/// are scaled by [`near_1`], so that triangles of any size stay within the range of f32.
 struct Triangle {
-    /// The index of the scene's triangle.
+    /// The index of the triangle in the scene.
     source: usize,
     /// n of eq. 6.
     normal: Vec3A,
@@ -48,7 +48,7 @@ struct Triangle {
 }
 
 impl Triangle {
-    /// None for a triangle that is never hit.
+    /// None for a triangle that no ray hits.
     fn new(source: usize, triangle: scene::Triangle) -> Option<Self> {
         let vertices @ [v1, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
         let volume = geometry::triangle_volume(vertices)?;
@@ -64,14 +64,14 @@ impl Triangle {
     }
 }
 
-/// `v` times the power of two, an exact factor, that brings its largest component near to 1; 0
-/// stays 0.
+/// `v` times the power of two, which is an exact factor, that brings its largest component near 1;
+/// 0 stays 0.
 fn near_1(v: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
 }
 
-/// The first hit of a ray: the point p = t d, where the unit normal is n.
+/// The first hit of a ray: the point p = t d, and the unit normal n there.
 struct Hit {
     object: Object,
     t: f32,
@@ -80,14 +80,14 @@ struct Hit {
     colour: Vec3A,
 }
 
-/// A scene with its constants.
+/// A scene with the terms that do not depend on the ray.
 pub struct RustTracer {
     size: [u32; 2],
     grid: Grid<f32>,
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
-    /// The tracer that finds shadows, if the scene has any.
+    /// Finds which lights are hidden, if the scene has shadows.
     casters: Option<ReferenceTracer>,
 }
 
@@ -123,7 +123,7 @@ impl RustTracer {
         }
     }
 
-    /// The nearest hit.
+    /// The nearest hit of the ray `d`.
     #[inline]
     fn hit(&self, d: Vec3A) -> Option<Hit> {
         let mut nearest = f32::INFINITY;
@@ -132,8 +132,8 @@ impl RustTracer {
         let a = d.length_squared();
         for (i, s) in self.spheres.iter().enumerate() {
             let h = d.dot(s.centre);
-            // Two forms of the same number, of which the first does not cancel for far spheres, nor
-            // the second for near ones.
+            // Two forms of the same discriminant: the first does not cancel for far spheres, the
+            // second not for near ones.
             let disc =
                 if s.far { a * s.squared_radius - s.centre.cross(d).length_squared() } else { h * h - a * s.constant };
             if disc >= 0.0 {
@@ -158,13 +158,13 @@ impl RustTracer {
             Some(Hit { object: Object::Triangle(s.source), t, p, n: s.normal.normalize(), colour: s.colour })
         } else {
             let (i, s) = sphere.map(|i| (i, &self.spheres[i]))?;
-            // A sphere can be smaller than the rounding error of P, and P then be at its centre.
+            // A sphere can be smaller than the rounding error of P, and its centre then equal P.
             let n = (p - s.centre).normalize_or_zero();
             Some(Hit { object: Object::Sphere(i), t, p, n, colour: s.colour })
         }
     }
 
-    /// The light of a hit in a scene without shadows.
+    /// The light that a hit reflects in a scene without shadows.
     #[inline(always)]
     fn shade_alone(&self, Hit { object, p, n, colour, .. }: Hit) -> Vec3A {
         match object {
@@ -173,7 +173,7 @@ impl RustTracer {
         }
     }
 
-    /// The light of a hit in a scene with shadows.
+    /// The light that a hit reflects in a scene with shadows.
     fn shade_among(&self, casters: &ReferenceTracer, Hit { object, p, n, colour, .. }: Hit) -> Vec3A {
         let reflected = |light: &Light| {
             let cosine = (light.position - p).normalize_or_zero().dot(n);

@@ -1,4 +1,4 @@
-//! The packet engines in tiles: find the nearest hit of each pixel, and then shade it once.
+//! Packet engines in tiles: they find the nearest hit of each pixel, and then shade it once.
 
 mod found;
 mod hidden;
@@ -22,32 +22,33 @@ use crate::kernels::{
 use crate::plan::{Omission, PlanOptions, Report, TilePlace, Tiles, Weighted};
 use crate::scene::Scene;
 
-/// Limits of a quick picture, which one thread finishes before the memory of another thread's part
-/// would be ready: the most large objects, the most entries in bins, and the most pixels.
+/// The limits of a picture that one thread finishes before the memory for another thread's part
+/// would be ready: the number of large objects, of entries in bins, and of pixels.
 const FEW: usize = 8;
 const FEW_LISTED: usize = 1 << 12;
 const QUICK: u64 = 1 << 21;
 
-/// The most effects of a tile. An effect is a record of one light for one object, or for a pixel
-/// whose shadows make it an object of its own. Beyond this limit a tile forgets the objects that
-/// have no pixel, and is traced in parts, of a single row if need be.
+/// The number of effects that a tile may have. An effect is a record of one light for one object,
+/// or for a pixel whose shadows make it a separate object. With more, a tile drops the objects
+/// without a pixel, and is traced in parts, of a single row if need be.
 const MOST_EFFECTS: usize = 1 << 22;
 
-/// The most lights. With more, the byte offsets of the shading records of one row of a tile could
-/// leave 32 bits: a row is the least part of a tile, shadows may give each of its pixels an object
-/// of its own, and each object has a record for every light.
+/// The number of lights that a scene may have. With more, 32 bits could not hold the byte offsets
+/// of the shading records of a single row of a tile, which is the least part that is traced:
+/// shadows may make a separate object of each of its pixels, and each object has a record for every
+/// light.
 pub const MOST_LIGHTS: usize = 1 << 18;
 
 /// A scene that is planned for tiles, with the kernels that trace it.
 pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
     kernels: &'static ElementKernels<E>,
-    /// Whether colours may be computed with estimates in floats too, and not in bytes alone.
+    /// Whether floats too may be computed with estimates of roots. Bytes always are.
     estimates: bool,
     plan: Tiles<'a, E>,
-    /// The records of all spheres, if they are few, in linear floats and in levels.
+    /// The records of all spheres, if there are few: for linear floats, and for levels.
     records: [OnceLock<SphereRecords<E>>; 2],
-    /// Traces the tiles that have an object whose numbers are beyond f32.
+    /// Traces the tiles that have an object whose numbers f32 cannot hold.
     wide: Option<Box<TileTracer<'a, f64>>>,
     free: FreeScratches<E>,
 }
@@ -62,7 +63,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
         TileTracer { wide: plan.any_wide().then(wide), ..Self::with_plan(kernels, plan) }
     }
 
-    /// The tracer of a plan, of which no tile is traced in f64.
+    /// The tracer of a plan without tiles in f64.
     fn with_plan(kernels: PacketKernelSet<E>, plan: Tiles<'a, E>) -> Self {
         let PacketKernelSet { packets, element, estimates } = kernels;
         TileTracer {
@@ -82,7 +83,8 @@ impl<'a, E: Element> TileTracer<'a, E> {
     }
 }
 
-/// An output of four channels, in floats or in bytes; those of other formats are converted from it.
+/// An output of four channels, floats or bytes. Pixels of other formats are converted from one of
+/// the two.
 trait Output<E: Element>: Pixel + Plain {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
@@ -109,13 +111,13 @@ impl<E: Element> Output<E> for Rgba8 {
 /// The scratch memory of a thread.
 #[derive(Default)]
 struct Scratches<E: Element> {
-    /// That for tiles in the tracer's own elements.
+    /// Scratch memory for tiles in the tracer's own element type.
     own: Scratch<E>,
-    /// That for tiles in f64.
+    /// Scratch memory for tiles in f64.
     wide: Option<Scratch<f64>>,
 }
 
-/// The scratch memory of threads that have finished their rows, to be reused.
+/// The scratch memory of threads that have finished their rows; others reuse it.
 #[derive(Default)]
 struct FreeScratches<E: Element>(Mutex<Vec<Scratches<E>>>);
 
@@ -126,7 +128,7 @@ impl<E: Element> FreeScratches<E> {
 }
 
 impl<E: Element> Drop for FreeScratches<E> {
-    /// Keeps some for the next pictures.
+    /// Keeps some of the memory for the next pictures.
     fn drop(&mut self) {
         for Scratches { own: scratch, .. } in self.lock().drain(..) {
             if let Some(scratch) = scratch.for_other_plans() {
@@ -136,7 +138,7 @@ impl<E: Element> Drop for FreeScratches<E> {
     }
 }
 
-/// How pixels without a hit are filled, and whether hits are counted.
+/// What to do with pixels without a hit, and whether to count hits.
 struct HitOptions<P> {
     /// The colour of pixels without a hit; None leaves them black.
     miss_colour: Option<P>,
@@ -145,7 +147,7 @@ struct HitOptions<P> {
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Traces rows; returns the number of hits if `counted`.
+    /// Traces rows. Returns the number of hits if `counted`.
     fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
         let all: &Wanted<'_> = &|rows, _| rows;
         let hit_count = counted.then_some(0);
@@ -158,7 +160,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Traces the `wanted` tiles of rows; returns the number of hits, if they are counted.
+    /// Traces the `wanted` tiles of rows. Returns the number of hits, if they are counted.
     fn trace<P: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
@@ -218,8 +220,8 @@ impl<E: Element> TileTracer<'_, E> {
         self.free.lock().push(scratches);
     }
 
-    /// Traces a tile in f32 or, if its objects need that, in f64. Returns false, and writes
-    /// nothing, if no object can be in the tile.
+    /// Traces a tile, in f64 if f32 cannot hold its objects. Returns false, and writes nothing, if
+    /// no object can be in the tile.
     fn trace_tile<P: Output<E> + Output<f64>>(
         &self,
         tile: TilePlace,
@@ -242,7 +244,7 @@ impl<E: Element> TileTracer<'_, E> {
         })
     }
 
-    /// Divides a window into parts with so few rows that each keeps within [`MOST_EFFECTS`]. If no
+    /// Divides a window into parts with so few rows that each has at most [`MOST_EFFECTS`]. If no
     /// object can be in the first part, none can be in the tile.
     fn parts(&self, window: &TileWindow) -> impl Iterator<Item = TileWindow> + use<E> {
         let lights = self.plan.points().len().max(1);
@@ -253,7 +255,7 @@ impl<E: Element> TileTracer<'_, E> {
         window.rows.clone().step_by(most).map(part)
     }
 
-    /// Calls `say` for every tile that has some of `rows`, with the window of these rows.
+    /// Calls `say` for every tile that contains some of `rows`, with the window of these rows.
     fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         let (width, height) = (self.plan.size()[0], TILE_HEIGHT as u32);
         if rows.is_empty() {
@@ -275,8 +277,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// As [`each_tile`](Self::each_tile), but only for tiles with `wanted` pixels, with windows of
-    /// only the rows that these need.
+    /// As [`each_tile`](Self::each_tile), but only for tiles with `wanted` pixels, and with windows
+    /// of the rows that have these.
     fn each_wanted(&self, rows: Range<u32>, wanted: &Wanted<'_>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         self.each_tile(rows, |tile, window| {
             let TileWindow { column, row, columns, .. } = *window;
@@ -336,7 +338,8 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// The rows of a window's pixels in a film, of which this is the first.
+/// The part of each row of a film that belongs to a window; `out` begins with the window's first
+/// pixel.
 fn rows_of<'a, P>(
     out: &'a mut [P],
     window: &TileWindow,
@@ -347,7 +350,7 @@ fn rows_of<'a, P>(
     out[first..].chunks_mut(width).take(window.rows.len()).map(move |row| &mut row[..columns])
 }
 
-/// The index of a window's first pixel in a film of these rows.
+/// The index of a window's first pixel in a film that holds `rows`.
 fn first_pixel(window: &TileWindow, rows: &Range<u32>, width: usize) -> usize {
     (window.row + window.rows.start - rows.start) as usize * width + window.column as usize
 }

@@ -11,32 +11,33 @@ use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError, UNPOISO
 use crate::kernels::Cycles;
 use crate::kernels::StandardFloats;
 
-/// A band has as many whole rows as fit into this many bytes per thread, and at least one. Bands
-/// are small because the first picture of a process waits for the memory of its film: touching a
-/// page for the first time costs as much as ten thousand pixels of a sphere.
+/// A band has whole rows: as many as fit into this many bytes per thread, but at least one. Bands
+/// are small because the first picture of a process has to wait for its film's memory: the first
+/// write to a page costs as much as ten thousand pixels of a sphere.
 const BAND_BYTES: usize = 128 << 10;
 
-/// With several threads, a band has at least this many tasks for each, so that all finish it at
-/// about the same time.
+/// With several threads, a band has at least this many tasks per thread, so that all threads finish
+/// it at about the same time.
 const TASKS: usize = 3;
 
 /// How the time of a picture was spent.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
-    /// Time of tracing alone, into memory that was touched before.
+    /// The time of tracing alone, into memory that has been written to before.
     pub trace: Duration,
-    /// Time of tracing alone, in cycles of the time-stamp counter, if there is one.
+    /// The time of tracing alone, in cycles of the time-stamp counter, if the machine has one.
     pub trace_cycles: Option<u64>,
-    /// Time of converting pixels, if the engine does not write the file's, and of encoding.
+    /// The time of encoding, and of converting pixels if the engine does not write the file's
+    /// format.
     pub encode: Duration,
-    /// Time of handing bytes to the operating system.
+    /// The time of handing bytes to the operating system.
     pub write: Duration,
-    /// Rays and their hits, if the frame [counts](Frame::counting_hits) them.
+    /// The number of rays and of hits, if the frame [counts](Frame::counting_hits) them.
     pub counted: Option<Counted>,
 }
 
 impl Stats {
-    /// Statistics of a frame before any time is spent.
+    /// The statistics of a frame that has not taken any time yet.
     pub(super) fn of(frame: &Frame<'_>) -> Self {
         Stats {
             trace_cycles: Cycles::available().then_some(0),
@@ -45,8 +46,8 @@ impl Stats {
         }
     }
 
-    /// Traces a band with `bands` and adds its time; `done` is called with the number of rows of
-    /// each finished task.
+    /// Traces a band with `bands` and adds the time that it takes. `done` is called with the number
+    /// of rows of each finished task.
     pub(super) fn trace(
         &mut self,
         bands: &mut Bands<'_>,
@@ -62,12 +63,12 @@ impl Stats {
     }
 }
 
-/// Renders the rows of an image file into it, band by band; `done` is called with the number of
+/// Renders the rows of an image file into it, band by band. `done` is called with the number of
 /// rows of each traced task.
 ///
 /// # Errors
-/// [`RenderError::Size`] if the file is not for pictures of the frame's size, or has rows already,
-/// and then nothing is traced; [`RenderError::Memory`], [`RenderError::Image`] and
+/// [`RenderError::Size`] if the file is not for pictures of the frame's size, or has rows already;
+/// then nothing is traced. Also [`RenderError::Memory`], [`RenderError::Image`] and
 /// [`RenderError::Cancelled`].
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
     let _floats = StandardFloats::set();
@@ -96,13 +97,13 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
     Ok(stats)
 }
 
-/// An engine, the films that it writes to, and the encoder of their content.
+/// An engine, the films that it writes to, and the encoder of their pixels.
 pub(super) struct Bands<'a> {
     frame: &'a Frame<'a>,
     encoder: Arc<PartEncoder>,
     format: PixelFormat,
     film: Film,
-    /// A film in the file's pixel format, if the engine writes another one.
+    /// A film in the file's pixel format, if the engine writes another format.
     converted: Option<Film>,
     /// The number of rows of the band that was traced last.
     rows: u32,
@@ -116,7 +117,7 @@ impl<'a> Bands<'a> {
         Ok(Bands { frame, encoder, format, film: frame.film(format, 0)?, converted, rows: 0 })
     }
 
-    /// The number of rows in a band of a picture of `rows`.
+    /// The number of rows of a band in a picture of `rows` rows.
     pub(super) fn height(&self, rows: u32) -> u32 {
         let threads = self.frame.threads();
         let width = self.frame.camera.width() as usize;
@@ -128,8 +129,8 @@ impl<'a> Bands<'a> {
         height.next_multiple_of(together.unwrap_or(rows_together) as usize).min(rows as usize) as u32
     }
 
-    /// Traces rows; `done` is called with the number of rows of each finished task. Returns their
-    /// rays and hits, if requested and known.
+    /// Traces rows. `done` is called with the number of rows of each finished task. Returns the
+    /// number of rays and hits, if requested and known.
     fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<Option<Counted>, RenderError> {
         let pixels = self.frame.camera.width() as usize * rows.len();
         if self.film.len() < pixels {
@@ -146,13 +147,13 @@ impl<'a> Bands<'a> {
             self.frame.trace_band(rows, film, done);
             None
         };
-        // Rows that were not traced are no part of a picture.
+        // A band whose tracing was stopped is not part of a picture.
         if self.frame.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(counted) }
     }
 
-    /// Encodes the traced band part by part. Each thread itself writes its parts when it is their
-    /// turn, so that their bytes do not move to another core's caches, and the memory not back for
-    /// the next band.
+    /// Encodes the traced band part by part. Each thread writes its own parts when it is their
+    /// turn, so that neither do their bytes move to another core's caches, nor does the memory move
+    /// back for the next band.
     pub(super) fn encode<E: Send>(
         &mut self,
         take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E> + Send,

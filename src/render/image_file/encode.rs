@@ -1,4 +1,4 @@
-//! One encoder per format: rows of a picture in, bytes out, part by part.
+//! One encoder per format, which turns rows of a picture into bytes, part by part.
 
 use super::parts::{Encode, Join};
 use super::png::{PngJoin, PngParts};
@@ -27,7 +27,7 @@ pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
     }
 }
 
-/// Begins a file of `format`, and writes its header.
+/// Begins a file of `format` by writing its header.
 pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Result<Box<dyn Join>> {
     let (width, height) = (extent.width, extent.height());
     Ok(match format {
@@ -51,17 +51,17 @@ pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Res
 /// The most bytes of an image that is held in memory until it is complete.
 pub(super) const MAX_WHOLE: u64 = 1 << 30;
 
-/// Whether an image of `format` is held in memory.
+/// Whether images of `format` are held in memory until they are complete.
 pub(super) fn is_whole(format: Format) -> bool {
     matches!(format, Format::Hdr | Format::Tiff | Format::Qoi)
 }
 
-/// The bytes of pixels that are held for such an image.
+/// How many bytes of pixels are held for an image in such a format.
 pub(super) fn whole_bytes(format: Format, (width, height): (u32, u32)) -> u64 {
     format.pixels().bytes() as u64 * u64::from(width) * u64::from(height)
 }
 
-/// Whether `format` is written out of order.
+/// Whether files of `format` are not written from front to back.
 pub(super) fn needs_seeking(format: Format) -> bool {
     match format {
         Format::Png | Format::Ppm | Format::PpmText | Format::Hdr | Format::Qoi => false,
@@ -80,7 +80,7 @@ impl Join for InOrder {
     }
 }
 
-/// Encodes pixels by their bytes in memory.
+/// Encodes pixels as their bytes in memory.
 struct Bytes;
 
 impl Encode for Bytes {
@@ -136,16 +136,16 @@ impl Encode for Pfm {
     }
 }
 
-/// Writes each part to the place in the file before that of the part above it in the picture.
+/// Writes each part before the previous one, since the file begins with the lowest rows.
 struct BottomUp {
     sink: Sink,
-    /// The place in the file where the next part from the top ends.
+    /// The position in the file where the next part ends.
     end: u64,
 }
 
 impl BottomUp {
     fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
-        // The sign of the scale says that the floats are little endian.
+        // The negative scale means that the floats are little endian.
         let header = format!("PF\n{width} {height}\n-1.0\n");
         sink.write_all(header.as_bytes())?;
         let pixels = u64::from(width) * u64::from(height);
@@ -161,18 +161,19 @@ impl Join for BottomUp {
     }
 }
 
-/// Encodes the pixels of Radiance's format, as floats that its encoder has not to round.
+/// Encodes Radiance's pixels: the floats are rounded first, so that its encoder has nothing to
+/// round.
 struct Hdr;
 
 impl Hdr {
-    /// Smaller pixels are black, since the exponent has 8 bits.
+    /// Pixels below this are black, since the exponent has 8 bits.
     const SMALLEST: f32 = f32::MIN_POSITIVE;
     /// The largest number of the format: 255/256 of 2^127.
     const LARGEST: f32 = 255.0 * (1_u128 << 119) as f32;
 
-    /// Rounds a pixel's channels to numbers of 8 bits with a common exponent, so that the encoder
-    /// has nothing left to round: it truncates, and its logarithm takes numbers just below a power
-    /// of two for that power.
+    /// Rounds a pixel's channels to 8 bits with a common exponent. The library's encoder truncates
+    /// instead, and computes a wrong exponent for numbers just below a power of two; after this
+    /// rounding it has nothing left to do wrong.
     fn rounded(pixel: [f32; 3]) -> [f32; 3] {
         let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
         let most = |of: [f32; 3]| of.into_iter().fold(0.0, f32::max);
@@ -183,7 +184,7 @@ impl Hdr {
             let unit = f32::from_bits(most.to_bits() & f32::INFINITY.to_bits()) / 128.0;
             channels.map(|value| (value / unit).round() * unit)
         };
-        // Rounding may have made the greatest channel a power of two, and so changed the exponent.
+        // Rounding may have made the greatest channel a power of two, which changes the exponent.
         in_units_of(most(in_units_of(most(channels))))
     }
 }
@@ -198,7 +199,7 @@ impl Encode for Hdr {
     }
 }
 
-/// Keeps the pixels of a picture until all are there, for the formats whose libraries take it
+/// Keeps the pixels of a picture until it is complete, for formats whose libraries take it as a
 /// whole.
 struct Whole {
     format: Format,
@@ -226,7 +227,7 @@ impl Join for Whole {
             }
             Format::Tiff => write_tiff(sink, (width, height), &pixels),
             _ => {
-                // Not by way of the crate image, which would call linear values sRGB.
+                // Not through the crate `image`, which would declare the linear values as sRGB.
                 let encoder = qoi::Encoder::new(&pixels, width, height).map_err(io::Error::other)?;
                 let encoder = encoder.with_colorspace(qoi::ColorSpace::Linear);
                 encoder.encode_to_stream(&mut sink).map(drop).map_err(qoi_error)
@@ -235,7 +236,7 @@ impl Join for Whole {
     }
 }
 
-/// Writes a TIFF by its library itself, since the crate image does not compress it.
+/// Writes a TIFF by the crate `tiff`, since the crate `image` does not compress it.
 fn write_tiff(sink: Sink, (width, height): (u32, u32), pixels: &[u8]) -> io::Result<()> {
     let compressed = |encoder: TiffEncoder<Sink>| {
         let encoder = encoder.with_compression(Compression::Deflate(DeflateLevel::Fast));

@@ -11,11 +11,11 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::collections::HashSet;
 use std::io::{BufRead, Seek};
 
-/// Decodes the largest level of the first part that has R, G and B, or Y alone, and A if present,
-/// as its display window shows it.
+/// Decodes the largest level of the first part that has R, G and B, or Y alone, and A if it is
+/// present. The picture is what the display window shows.
 pub(super) struct ExrDecoder<R> {
     reader: Reader<R>,
-    /// The index of that part.
+    /// The index of the part that is decoded.
     part: usize,
     /// The most bytes of pixels that the file can hold.
     most: u64,
@@ -42,13 +42,13 @@ impl<R: BufRead + Seek> ExrDecoder<R> {
         &self.reader.headers()[self.part]
     }
 
-    /// Width and height of the data window, which is what the file holds.
+    /// The width and height of the data window, whose pixels the file has.
     pub(super) fn stored(&self) -> (u32, u32) {
         let Vec2(width, height) = self.header().layer_size;
         (width as u32, height as u32)
     }
 
-    /// The most pixels that a file of this length and compression can hold.
+    /// How many pixels a file of this length and compression can hold at most.
     pub(super) fn most(&self) -> u64 {
         self.most / self.header().channels.bytes_per_pixel as u64
     }
@@ -89,8 +89,8 @@ impl<R: BufRead + Seek> ImageDecoder for ExrDecoder<R> {
     }
 }
 
-/// The channels that are red, green, blue and, if present, alpha. Grey is all three colours, unless
-/// it is the luminance of colours whose chroma is in other channels.
+/// The indices of the channels for red, green, blue and, if present, alpha. A grey channel stands
+/// for all three colours, unless it is the luminance of colours whose chroma is in other channels.
 fn shown(header: &Header) -> Option<[Option<usize>; 4]> {
     let find = |name| header.channels.find_index_of_channel(&Text::from(name));
     let colours = ["R", "G", "B"].map(find);
@@ -99,7 +99,7 @@ fn shown(header: &Header) -> Option<[Option<usize>; 4]> {
     (!header.deep && red.is_some()).then_some([red, green, blue, find("A")])
 }
 
-/// The reason why no part of the file can be shown, which names its channels.
+/// Why no part of the file can be shown; the text names its channels.
 fn channels(parts: &[Header]) -> String {
     if parts.iter().all(|part| part.deep) {
         return "its data are deep".into();
@@ -109,7 +109,7 @@ fn channels(parts: &[Header]) -> String {
     format!("it has the channels {}, and what is shown here is R, G and B, or Y without RY and BY", names.join(", "))
 }
 
-/// Copies a block of pixels from its place in the data window to the display window.
+/// Copies a block of pixels from the data window to its position in the display window.
 fn show(header: &Header, block: &UncompressedBlock, out: &mut [u8]) {
     let Some(channels) = shown(header) else { return };
     let count = channels.iter().flatten().count();
@@ -135,7 +135,7 @@ fn show(header: &Header, block: &UncompressedBlock, out: &mut [u8]) {
     }
 }
 
-/// Reads a sample in the byte order of this machine.
+/// Reads a sample whose bytes are in this machine's order.
 fn value(samples: SampleType, bytes: &[u8]) -> f32 {
     match (samples, bytes) {
         (SampleType::F16, &[a, b]) => f16::from_ne_bytes([a, b]).to_f32(),
@@ -145,17 +145,17 @@ fn value(samples: SampleType, bytes: &[u8]) -> f32 {
     }
 }
 
-/// The most bytes that one byte can stand for, of compressions that can be undone safely.
+/// How many bytes one byte can stand for at most, in compressions that can be undone safely.
 fn expansion(compression: Compression) -> ImageResult<u64> {
     Ok(match compression {
         Compression::Uncompressed => 1,
         // Two bytes can repeat one byte up to 128 times.
         Compression::RLE => 64,
         Compression::ZIP1 | Compression::ZIP16 => DEFLATE_EXPANSION,
-        // Nine bits can repeat two bytes up to 255 times; for a smooth picture the wavelet
-        // transform leaves so many zeros.
+        // Nine bits can repeat two bytes up to 255 times. The wavelet transform of a smooth picture
+        // leaves enough zeros for that.
         Compression::PIZ => 512,
-        // Only three of four bytes are stored by deflate.
+        // Deflate stores only three of four bytes.
         Compression::PXR24 => DEFLATE_EXPANSION * 4 / 3,
         Compression::B44 | Compression::B44A => return Err(unsupported("compression by B44")),
         Compression::DWAA(_) | Compression::DWAB(_) => return Err(unsupported("compression by DWA")),

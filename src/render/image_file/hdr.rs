@@ -1,4 +1,4 @@
-//! Reads Radiance HDR: the header with orders and factors, and the pixels.
+//! Reads Radiance HDR: a header with the order of rows and factors of the values, and the pixels.
 
 use image::codecs::hdr::HdrDecoder;
 use image::error::{DecodingError, ImageFormatHint, UnsupportedError, UnsupportedErrorKind};
@@ -6,13 +6,15 @@ use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::io::{self, BufRead, Chain, Cursor, Read};
 
-/// The longest header: some programs write a line for every command that made the picture.
+/// The length that a header may have: some programs write a line for every command that made the
+/// picture.
 const LONGEST: u64 = 1 << 20;
-/// The most rows or columns, so that no product of both overflows.
+/// The number of rows or columns that a picture may have, so that their product does not overflow.
 const LONGEST_SIDE: u32 = 1 << 31;
 
-/// Decodes all eight orders of rows and columns, whichever program the first line names. Values are
-/// divided by EXPOSURE and COLORCORR, by which programs multiply them and say so.
+/// Decodes pictures in all eight orders of rows and columns, whichever program the first line
+/// names. Values are divided by EXPOSURE and COLORCORR, which are factors that programs have
+/// applied and recorded.
 pub(super) struct HdrFile<R> {
     pixels: HdrDecoder<Chain<Cursor<String>, R>>,
     header: Header,
@@ -25,14 +27,15 @@ struct Header {
     /// The number of pixels in a stored row.
     columns: u32,
     orientation: Orientation,
-    /// The numbers by which red, green and blue have to be divided.
+    /// The numbers that red, green and blue have to be divided by.
     divisors: [f64; 3],
 }
 
 impl<R: BufRead> HdrFile<R> {
     pub(super) fn new(mut reader: R) -> ImageResult<Self> {
         let header = Header::read(&mut (&mut reader).take(LONGEST))?;
-        // The library reads only one order and one program name, and so gets a header with these.
+        // The library reads only one order and one program name, and is therefore given a header
+        // with these.
         let plain = format!("#?RADIANCE\n\n-Y {} +X {}\n", header.rows, header.columns);
         Ok(HdrFile { pixels: HdrDecoder::new(Cursor::new(plain).chain(reader))?, header })
     }
@@ -73,7 +76,7 @@ impl Header {
     /// Reads lines up to an empty one, and then the line with the size.
     fn read(reader: &mut impl BufRead) -> ImageResult<Header> {
         let mut divisors = [1.0; 3];
-        // The first line, "#?RADIANCE" or the like, which `Magic` has checked.
+        // The first line is "#?RADIANCE" or the like, which `Magic` has checked.
         line(reader)?;
         loop {
             let line = line(reader)?;
@@ -99,7 +102,7 @@ impl Header {
     }
 }
 
-/// A line without its end.
+/// A line of the header, without its end.
 fn line(reader: &mut impl BufRead) -> ImageResult<String> {
     let mut line = Vec::new();
     reader.read_until(b'\n', &mut line)?;
@@ -109,7 +112,7 @@ fn line(reader: &mut impl BufRead) -> ImageResult<String> {
     }
 }
 
-/// The positive numbers of a line.
+/// The positive numbers that a line of the header gives.
 fn factors<const N: usize>(name: &str, value: &str) -> ImageResult<[f64; N]> {
     let is_factor = |factor: &f64| factor.is_finite() && *factor > 0.0;
     let factors: Option<Vec<f64>> =
@@ -118,13 +121,14 @@ fn factors<const N: usize>(name: &str, value: &str) -> ImageResult<[f64; N]> {
     factors.ok_or_else(|| damaged(format!("its {} is \"{}\"", name.trim(), value.trim())))
 }
 
-/// Stored rows, the pixels of each, and their order, from a line such as "-Y 480 +X 640".
+/// The number of stored rows, of pixels in each, and their order, from a line such as "-Y 480 +X
+/// 640".
 fn size(line: &str) -> ImageResult<(u32, u32, Orientation)> {
     let words: Vec<_> = line.split_ascii_whitespace().collect();
     let no_size = || damaged(format!("its size is \"{line}\""));
     let &[rows_along, rows, columns_along, columns] = words.as_slice() else { return Err(no_size()) };
-    // Exif's numbers, which say at which sides of the picture the first row and the first column
-    // are.
+    // The order as a number of Exif's, which says at which sides of the picture the first stored
+    // row and the first stored column are.
     let order = match (rows_along, columns_along) {
         ("-Y", "+X") => 1,
         ("-Y", "-X") => 2,

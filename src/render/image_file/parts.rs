@@ -1,13 +1,14 @@
-//! The interfaces of encoders of parts of a picture, and of joiners, which write the file.
+//! The interfaces of encoders, which encode parts of a picture, and of joiners, which write the
+//! parts to a file.
 
 use std::borrow::Cow;
 use std::io;
 
-/// Encodes parts of a picture, which are whole rows, independently: in any order, and from any
-/// thread or process.
+/// Encodes parts of a picture, which are whole rows, independently of each other: in any order, and
+/// from any thread or process.
 pub(super) trait Encode: Send + Sync {
-    /// The number of rows in a part but the last; None if the file does not depend on where parts
-    /// are cut.
+    /// The number of rows in every part but the last. None if parts may be cut anywhere, since the
+    /// file does not depend on it.
     fn part_rows(&self) -> Option<u32> {
         None
     }
@@ -23,7 +24,7 @@ pub(super) trait Encode: Send + Sync {
     }
 }
 
-/// Joins the parts to a file. It gets them in order from the top, and never more than the picture
+/// Joins the parts to a file. It is given them in order from the top, and no more than the picture
 /// has.
 pub(super) trait Join: Send {
     /// Writes the next part.

@@ -5,8 +5,8 @@ use image::{ColorType, ImageDecoder, ImageError, ImageResult};
 use std::io::{self, BufRead, Read};
 
 /// Decodes `PF` (colour) or `Pf` (grey), width, height, a scale whose sign gives the byte order
-/// (negative is little endian), one white space, and then the rows from the bottom. If `PF` ends in
-/// CR LF, these are one white space behind the scale too.
+/// (negative is little endian), one white space, and then the rows from the bottom to the top. If
+/// the line `PF` ends in CR LF, then CR LF also counts as the one white space after the scale.
 pub(super) struct PfmDecoder<R> {
     reader: R,
     width: u32,
@@ -83,9 +83,10 @@ fn other_kind(what: &str) -> ImageError {
     ImageError::Unsupported(UnsupportedError::from_format_and_kind(ImageFormatHint::Name("PFM".into()), kind))
 }
 
-/// The next word of the header, and the one white space behind it, which is consumed.
+/// The next word of the header, and the one white space after it; both are consumed.
 fn token(reader: &mut impl Read) -> io::Result<(String, u8)> {
-    // The longest accepted word: longer than any sensible number, and short enough for a message.
+    // The longest word that is accepted: longer than any sensible number, and short enough for a
+    // message.
     const LONGEST: usize = 32;
     let mut token = String::new();
     while token.len() < LONGEST {

@@ -15,13 +15,13 @@ use std::cell::Cell;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::rc::Rc;
 
-/// The least bytes of a strip, except for the last. A strip's first row and its code tables cost
-/// some hundred bytes.
+/// The least number of bytes in every strip but the last: the first row of a strip and its code
+/// tables cost about a hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
 /// The longest chunk that is written; the format allows 2^31 - 1 bytes.
 const CHUNK: usize = 1 << 30;
-/// The bytes that begin the stream, and those that end it, except for the checksum: a last block
-/// without content.
+/// The bytes that begin the zlib stream, and the empty last block that ends it, before the
+/// checksum.
 const HEADER: [u8; 2] = [0x78, 0x01];
 const LAST_BLOCK: [u8; 5] = [1, 0, 0, 0xff, 0xff];
 
@@ -38,19 +38,19 @@ impl PngParts {
 
 impl Encode for PngParts {
     fn part_rows(&self) -> Option<u32> {
-        // A power of two, so that strips contain whole rows of tiles, which would be traced twice
-        // if they were divided.
+        // A power of two, so that strips consist of whole rows of tiles: a row of tiles that is
+        // divided would be traced twice.
         Some(STRIP_BYTES.div_ceil(self.row).next_power_of_two() as u32)
     }
 
-    /// Compresses a strip to deflate blocks, preceded by the checksum and the length of their
-    /// content.
+    /// Compresses a strip to deflate blocks. Before these it puts the checksum and the length of
+    /// the uncompressed strip.
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         let rows = rows.as_flattened();
         let mut filtered = Vec::with_capacity(rows.len() + rows.len() / self.row);
         for (at, row) in rows.chunks_exact(self.row).enumerate() {
-            // The filter subtracts the row above or, in the first row of a strip, the pixel to the
-            // left.
+            // The filter subtracts the row above; in the first row of a strip it subtracts the
+            // pixel to the left.
             let (filter, before) = match at.checked_sub(1) {
                 Some(above) => (2, &rows[above * self.row..]),
                 None => (1, &[&[0; 3], row].concat()[..]),
@@ -64,7 +64,7 @@ impl Encode for PngParts {
         let (mut blocks, mut deflate) = ([&sum[..], &length].concat(), Compress::new(Compression::fast(), false));
         loop {
             blocks.reserve(filtered.len() / 2 + 64);
-            // The flush ends the blocks on a byte boundary. It is complete if it leaves room in the
+            // The flush ends the blocks at a byte boundary. It is complete if it leaves room in the
             // buffer.
             deflate.compress_vec(&filtered[deflate.total_in() as usize..], &mut blocks, FlushCompress::Sync)?;
             if blocks.len() < blocks.capacity() {
@@ -74,18 +74,19 @@ impl Encode for PngParts {
     }
 }
 
-/// Writes the file: its stream in chunks.
+/// Writes the file, with the zlib stream in chunks.
 pub(super) struct PngJoin {
     file: png::Writer<Sink>,
-    /// The Adler-32 checksum of the rows so far: the first half is 1 plus the sum of all bytes, the
-    /// second the sum of all values of the first.
+    /// The Adler-32 checksum of the rows so far: the first number is 1 plus the sum of all bytes,
+    /// the second the sum of all values that the first has had. Both are modulo 65521.
     sum: [u64; 2],
 }
 
 impl PngJoin {
     pub(super) fn new(sink: Sink, extent: &Extent) -> io::Result<Self> {
         let mut encoder = png::Encoder::new(sink, extent.width, extent.height());
-        // Neither a gamma nor sRGB is declared: values are written as they are, usually linear.
+        // No gamma and no sRGB is declared: the values are written as they are, which usually means
+        // linear.
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         let mut file = encoder.write_header()?;
@@ -100,8 +101,8 @@ impl Join for PngJoin {
         let (Some((sum, rest)), [a, b]) = (part.split_first_chunk(), self.sum) else { return Ok(()) };
         let Some((length, blocks)) = rest.split_first_chunk() else { return Ok(()) };
         let (sum, length) = (u64::from(u32::from_le_bytes(*sum)), u64::from_le_bytes(*length));
-        // The part's checksum was computed from the initial value 1, not from the sum so far; this
-        // combines the two.
+        // The part's checksum was computed from the initial value 1. This appends it to the sum so
+        // far (Adler-32's combination).
         let before = a + MODULUS - 1;
         self.sum = [(before + sum % (1 << 16)) % MODULUS, (b + (sum >> 16) + before * (length % MODULUS)) % MODULUS];
         blocks.chunks(CHUNK).try_for_each(|chunk| self.file.write_chunk(png::chunk::IDAT, chunk).map_err(Into::into))
@@ -114,17 +115,17 @@ impl Join for PngJoin {
     }
 }
 
-/// The last chunk of every file.
+/// The IEND chunk, the last of every file.
 const END: [u8; 12] = *b"\0\0\0\0IEND\xaeB`\x82";
 
-/// A file that has its last chunk even where it ends before, as after some programs that never
-/// write it. Where it ends in the middle of another one, these bytes are none that this could go on
-/// with.
+/// A file that seems to have its last chunk even if it ends before it, since some programs do not
+/// write that chunk. If the file ends within another chunk, these bytes cannot be taken for the
+/// rest of that.
 struct Ended<R> {
     reader: R,
-    /// How many of the chunk's bytes have been read in place of the file's.
+    /// How many bytes of the last chunk have been read instead of the file's.
     read: usize,
-    /// Whether the file ended before it was enough.
+    /// Whether the file ended too early for a whole picture.
     is_short: Rc<Cell<bool>>,
 }
 
@@ -162,18 +163,18 @@ impl<R: Seek> Seek for Ended<R> {
     }
 }
 
-/// Decodes only the pixels: texts and colour profiles, which may unpack to a thousand times the
-/// file, are skipped.
+/// Decodes only the pixels. Texts and colour profiles, which may unpack to a thousand times the
+/// file's size, are skipped.
 pub(super) struct PngDecoder<R: BufRead + Seek> {
     reader: png::Reader<Ended<R>>,
-    /// Whether the file ended before it was enough.
+    /// Whether the file ended too early for a whole picture.
     is_short: Rc<Cell<bool>>,
 }
 
 impl<R: BufRead + Seek> PngDecoder<R> {
-    /// Reads the header before the pixels, and allocates at most `bytes` for rows.
+    /// Reads the chunks before the pixels, and allocates at most `bytes` for rows.
     pub(super) fn new(mut reader: R, bytes: usize) -> ImageResult<Self> {
-        // The first chunk's name, behind the signature and the chunk's length.
+        // The name of the first chunk, which follows the signature and the chunk's length.
         if reader.fill_buf()?.get(12..16) == Some(b"CgBI") {
             let what = "it is a PNG that was changed for iPhones (CgBI)".to_owned();
             let kind = UnsupportedErrorKind::GenericFeature(what);
@@ -199,7 +200,7 @@ impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
     fn color_type(&self) -> ColorType {
         use png::ColorType as Of;
         match self.reader.output_color_type() {
-            // Such files are refused, and so the channels do not matter.
+            // Such files are refused, so that their channels do not matter.
             (_, png::BitDepth::Sixteen) => ColorType::Rgb16,
             (Of::Grayscale, _) => ColorType::L8,
             (Of::GrayscaleAlpha, _) => ColorType::La8,
@@ -217,10 +218,10 @@ impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
     }
 }
 
-/// The error for a file, which may have ended before it was enough.
+/// The error for a file, which may have ended too early.
 fn png_error(error: png::DecodingError, is_short: bool) -> ImageError {
     match error {
-        // Whatever is wrong with what was added to it.
+        // The file is too short, whatever the decoder says about the bytes that were added.
         _ if is_short => ImageError::IoError(io::ErrorKind::UnexpectedEof.into()),
         png::DecodingError::IoError(error) => ImageError::IoError(error),
         png::DecodingError::Format(_) => {
@@ -235,7 +236,7 @@ fn png_error(error: png::DecodingError, is_short: bool) -> ImageError {
     }
 }
 
-/// The library's message, with the name of a chunk in place of all that it knows of it.
+/// The library's message, in which only the name is left of what it says about a chunk.
 fn in_words(message: &str) -> String {
     if message.starts_with("Corrupt deflate stream.") {
         return "its compressed pixels are corrupt, or do not have the checksum that follows them".to_owned();

@@ -1,4 +1,4 @@
-//! Reads PBM, PGM, PPM and PAM with their library, and removes comments and scales samples.
+//! Reads PBM, PGM, PPM and PAM with the crate `image`, after removing comments, and scales samples.
 
 use image::codecs::pnm::{PnmDecoder, PnmHeader, PnmSubtype};
 use image::error::{DecodingError, ImageFormatHint};
@@ -11,12 +11,12 @@ pub(super) struct PnmFile<R> {
     samples: PnmDecoder<Chain<Cursor<String>, Uncommented<R>>>,
     /// The largest sample that the header allows.
     largest: u32,
-    /// Whether samples have to be scaled from that maximum to 255.
+    /// Whether samples have to be scaled from the header's maximum to 255.
     is_scaled: bool,
 }
 
 impl<R: Read> PnmFile<R> {
-    /// Reads the header. In text, comments may be anywhere.
+    /// Reads the header. In text formats comments may be anywhere in the file.
     pub(super) fn new(reader: R, is_text: bool) -> ImageResult<Self> {
         let reader = Uncommented { reader, is_text, in_comment: false };
         let samples = PnmDecoder::new(Cursor::new(String::new()).chain(reader))?;
@@ -25,8 +25,8 @@ impl<R: Read> PnmFile<R> {
         if !is_scaled {
             return Ok(PnmFile { samples, largest, is_scaled });
         }
-        // The library scales samples before it checks them, and so gets a header with which it has
-        // nothing to scale.
+        // The library scales samples before it checks them. It is given a header with a maximum of
+        // 255, so that it has nothing to scale.
         let (reader, header) = samples.into_inner();
         let (_, reader) = reader.into_inner();
         let samples = PnmDecoder::new(Cursor::new(header_of_levels(&header)).chain(reader))?;
@@ -34,7 +34,7 @@ impl<R: Read> PnmFile<R> {
     }
 }
 
-/// The header of such a picture with a maximum of 255.
+/// The header of the same picture with a maximum of 255.
 fn header_of_levels(header: &PnmHeader) -> String {
     let (width, height) = (header.width(), header.height());
     match header.as_arbitrary() {
@@ -54,7 +54,7 @@ impl<R: Read> ImageDecoder for PnmFile<R> {
     }
 
     fn color_type(&self) -> ColorType {
-        // The library takes the samples of a PAM without a TUPLTYPE for bytes.
+        // For a PAM without a TUPLTYPE, the library takes every sample for a byte.
         if self.largest > 255 { ColorType::L16 } else { self.samples.color_type() }
     }
 
@@ -80,8 +80,8 @@ fn damaged(what: String) -> ImageError {
     ImageError::Decoding(DecodingError::new(ImageFormatHint::Exact(ImageFormat::Pnm), what))
 }
 
-/// A reader that replaces the comments of a text format by blanks, and passes binary formats on as
-/// they are.
+/// A reader that replaces comments in text formats by blanks, and leaves binary formats as they
+/// are.
 struct Uncommented<R> {
     reader: R,
     is_text: bool,

@@ -1,4 +1,4 @@
-//! Reads QOI of three or four channels, whose codes may set alpha in either case.
+//! Reads QOI with three or four channels; in either case codes may set alpha.
 
 use image::error::{DecodingError, ImageFormatHint};
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
@@ -6,11 +6,11 @@ use qoi::{Channels, Decoder};
 use std::io::{Chain, Cursor, Read};
 
 const HEADER_BYTES: usize = 14;
-/// The offset of the header's byte with the number of channels.
+/// The offset of the header's byte that gives the number of channels.
 const CHANNELS_AT: usize = 12;
 
-/// Always decodes with alpha. The header's number of channels only says which are to be shown: in a
-/// picture of three channels codes may still set alpha, on which later codes depend.
+/// Always decodes with alpha. The number of channels in the header only says which are to be shown:
+/// codes may set alpha in a picture of three channels too, and later codes depend on it.
 pub(super) struct QoiFile<R> {
     decoder: Decoder<Chain<Cursor<[u8; HEADER_BYTES]>, R>>,
     channels: Channels,

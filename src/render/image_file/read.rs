@@ -1,4 +1,4 @@
-//! Reads image files from any source: nothing in a file is trusted before it is checked.
+//! Reads image files from any source. Nothing in a file is trusted before it is checked.
 
 use super::super::{Picture, Pixels};
 use super::exr::ExrDecoder;
@@ -23,45 +23,45 @@ use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-/// The most memory that the pixels of one picture may take, and the longest file that is read from
-/// a pipe.
+/// The memory that the pixels of one picture may take, and the length of a file that is read from a
+/// pipe.
 pub(super) const MAX_BYTES: u64 = 2 << 30;
 
-/// The most pixels that a byte of HDR stands for: 127 equal pixels take two bytes for each of four
-/// channels.
+/// How many pixels a byte of HDR stands for at most: 127 equal pixels take two bytes for each of
+/// four channels.
 const HDR_PIXELS: u64 = 16;
-/// The most pixels that a byte of QOI stands for: 62 equal pixels take one byte.
+/// How many pixels a byte of QOI stands for at most: 62 equal pixels take one byte.
 const QOI_PIXELS: u64 = 62;
 
 /// Reads an image file, as [`ImageFile::open`] and [`ImageFile::read`] do.
 ///
 /// # Errors
-/// As theirs.
+/// Those of these functions.
 pub fn read(path: &Path) -> Result<Picture, ImageError> {
     ImageFile::open(path)?.read()
 }
 
-/// A PNG, PNM (PBM, PGM, PPM or PAM), PFM, EXR, HDR, TIFF or QOI file after its header has been
-/// read: its size is known, and a file of this length can have it. The content decides the format,
-/// not the name.
+/// A PNG, PNM (PBM, PGM, PPM or PAM), PFM, EXR, HDR, TIFF or QOI file whose header has been read:
+/// the size of the picture is known, and a file of this length can contain it. The format is
+/// recognised by the content, not by the name.
 pub struct ImageFile {
     path: PathBuf,
     decoder: Box<dyn ImageDecoder>,
-    /// The orientation of the decoder's rows and columns in the picture.
+    /// How the decoder's rows and columns are oriented in the picture.
     orientation: Orientation,
 }
 
 /// A decoder after it has read a file's header.
 struct Opened {
     decoder: Box<dyn ImageDecoder>,
-    /// Width and height of the pixels that the file must contain.
+    /// The width and height of the pixels that the file must contain.
     stored: (u32, u32),
     /// The most pixels that a file of this length can contain.
     most: u64,
 }
 
 impl Opened {
-    /// An opened file that contains the whole picture.
+    /// A file that must contain all pixels of the picture.
     fn whole(decoder: impl ImageDecoder + 'static, most: u64) -> Self {
         Opened { stored: decoder.dimensions(), decoder: Box::new(decoder), most }
     }
@@ -71,9 +71,10 @@ impl ImageFile {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// If the file cannot be read, is no such image, is damaged or cannot hold what it claims,
-    /// would lose something as [`Pixels`] (more than 8 bits that are not floats), is of an
-    /// unsupported kind, or exceeds 2 GiB of pixels.
+    /// If the file cannot be read, is not an image in one of these formats, is damaged, cannot hold
+    /// the pixels that it claims, is of an unsupported kind, or exceeds 2 GiB of pixels; or if
+    /// something would be lost in [`Pixels`], because channels have more than 8 bits and are not
+    /// floats.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
         let failed = |error| ImageError::Read { path: path.into(), error };
         let file = File::open(path).map_err(|error| failed(of_address(path, error)))?;
@@ -82,8 +83,8 @@ impl ImageFile {
         if metadata.is_file() {
             return Self::of_reader(path, reader, metadata.len());
         }
-        // A pipe has no known length and cannot be rewound, and so is read whole, if it begins like
-        // an image.
+        // The length of a pipe is not known, and it cannot be rewound. It is therefore read as a
+        // whole, if it begins like an image.
         let start = reader.fill_buf().map_err(failed)?;
         Magic::of(start).ok_or_else(|| no_image(path, start))?;
         let mut bytes = Vec::new();
@@ -104,7 +105,7 @@ impl ImageFile {
         contained(path, || Self::of_header(path, reader, length))
     }
 
-    /// Checks what the header claims, and that such pixels are read here.
+    /// Checks the size that the header claims, and that this kind of image can be read.
     fn of_header(path: &Path, reader: impl BufRead + Seek + 'static, length: u64) -> Result<Self, ImageError> {
         let Opened { mut decoder, stored: (width, height), most } = open(path, reader, length)?;
         let count = u64::from(width) * u64::from(height);
@@ -125,7 +126,7 @@ impl ImageFile {
         Ok(ImageFile { path: path.into(), decoder, orientation })
     }
 
-    /// Pixels in a row, and the number of rows.
+    /// The number of pixels in a row, and of rows.
     pub fn size(&self) -> (u32, u32) {
         let (width, height) = self.decoder.dimensions();
         if is_transposed(self.orientation) { (height, width) } else { (width, height) }
@@ -133,10 +134,10 @@ impl ImageFile {
 
     /// Decodes the pixels.
     ///
-    /// Grey becomes R = G = B. Alpha is dropped if it is opaque everywhere. The levels of a PNM
-    /// whose largest is below 255 are scaled to 255; the scale of a PFM, beyond its sign, is
-    /// ignored; values of an HDR are divided by its EXPOSURE and COLORCORR. A TIFF or HDR that is
-    /// not stored upright is turned. Outside of its data window an EXR is black.
+    /// A grey value becomes R = G = B. Alpha is dropped if the picture is opaque everywhere. The
+    /// samples of a PNM whose maximum is below 255 are scaled to 255. Of a PFM's scale only the
+    /// sign counts. Values of an HDR are divided by its EXPOSURE and COLORCORR. A TIFF or HDR that
+    /// is not stored upright is turned. An EXR is black outside of its data window.
     ///
     /// # Errors
     /// If the file cannot be read, is damaged, or has transparency, which would be lost.
@@ -162,15 +163,15 @@ fn is_transposed(orientation: Orientation) -> bool {
     matches!(orientation, Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH)
 }
 
-/// The upright picture of pixels that are stored in rows of `width`.
+/// Turns pixels that are stored in rows of `width` to the upright picture.
 fn turned<T: Plain>(
     path: &Path,
     pixels: &[T],
     (width, height): (u32, u32),
     orientation: Orientation,
 ) -> Result<Vec<T>, ImageError> {
-    // By Exif's numbers: whether the first stored row is at the bottom or at the right of the
-    // picture, and the same for the first stored column.
+    // By Exif's numbers: whether the first stored row is at the bottom or at the right side of the
+    // picture, and whether the first stored column is.
     let has_last_row_first = matches!(orientation.to_exif(), 3 | 4 | 6 | 7);
     let has_last_column_first = matches!(orientation.to_exif(), 2 | 3 | 7 | 8);
     let is_transposed = is_transposed(orientation);
@@ -193,12 +194,12 @@ fn is_float(color: ColorType) -> bool {
 }
 
 thread_local! {
-    /// Whether this thread runs a decoder, whose panics are reported as errors.
+    /// Whether this thread runs a decoder, whose panics become errors.
     static CONTAINED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The last line of defence: a file on which a decoder panics counts as damaged, without a panic's
-/// message.
+/// The last line of defence: a file on which a decoder panics is reported as damaged, without the
+/// panic's message.
 fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
     let _floats = StandardFloats::set();
     static QUIET: Once = Once::new();
@@ -211,7 +212,7 @@ fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> 
         }));
     });
     CONTAINED.set(true);
-    // Whatever a panic leaves half done is dropped without being used.
+    // What a panic leaves half done is dropped and not used again.
     let result = panic::catch_unwind(AssertUnwindSafe(decode));
     CONTAINED.set(false);
     result.unwrap_or_else(|_| {
@@ -220,16 +221,16 @@ fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> 
     })
 }
 
-/// The format by a file's first bytes.
+/// The format as recognised by a file's first bytes.
 enum Magic {
     Png,
-    /// PBM as text, a byte to a pixel or more.
+    /// PBM as text, with at least one byte per pixel.
     PbmText,
-    /// PBM, a bit to a pixel.
+    /// PBM with one bit per pixel.
     PbmBinary,
-    /// PPM and PGM as text, at least two bytes to a sample.
+    /// PPM and PGM as text, with at least two bytes per sample.
     PnmText,
-    /// PPM, PGM and PAM, at least one byte to a sample.
+    /// PPM, PGM and PAM in binary, with at least one byte per sample.
     PnmBinary,
     Pfm,
     Exr,
@@ -256,7 +257,7 @@ impl Magic {
     }
 }
 
-/// The error of a file that begins as no image that is read here.
+/// The error for a file that does not begin like any image that can be read.
 fn no_image(path: &Path, start: &[u8]) -> ImageError {
     let path = path.to_path_buf();
     if start.is_empty() {
@@ -286,13 +287,13 @@ fn by_magic(
     Ok(match magic {
         Magic::Png => {
             // Memory for the rows, in which one bit may become the four bytes of a palette's
-            // colour, and for what the file has beside pixels.
+            // colour, and for what the file contains beside pixels.
             let most = by_deflate.saturating_mul(32).saturating_add(1 << 20).min(MAX_BYTES);
             Opened::whole(PngDecoder::new(reader, most as usize)?, by_deflate.saturating_mul(8) / png_bits)
         }
         Magic::Exr => {
             let decoder = ExrDecoder::new(reader, length)?;
-            // Only the data window has to be in the file; the rest of the display window is black.
+            // Only the data window has to be in the file; the display window is black elsewhere.
             Opened { stored: decoder.stored(), most: decoder.most(), decoder: Box::new(decoder) }
         }
         Magic::Hdr => Opened::whole(HdrFile::new(reader)?, length.saturating_mul(HDR_PIXELS)),
@@ -313,7 +314,7 @@ fn by_magic(
     })
 }
 
-/// Bits per pixel of a PNG that begins with these bytes; 1 if it has no such header, which its
+/// The bits per pixel of a PNG that begins with these bytes. 1 if it has no header, which its
 /// decoder will report.
 fn png_bits(start: &[u8]) -> u64 {
     let channels = |color| match color {
@@ -326,7 +327,7 @@ fn png_bits(start: &[u8]) -> u64 {
     header.filter(|bits| *bits > 0).unwrap_or(1)
 }
 
-/// `count` zeros, for the pixels of a decoder's picture.
+/// `count` zeros, to hold the pixels of a decoder's picture.
 fn zeros<T: Plain>(path: &Path, (width, height): (u32, u32), count: usize) -> Result<Vec<T>, ImageError> {
     let (mut values, bytes) = (Vec::new(), count * size_of::<T>());
     try_reserve(&mut values, count).map_err(|_| ImageError::Memory { path: path.into(), width, height, bytes })?;
@@ -376,13 +377,13 @@ fn levels(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageEr
     Ok(Pixels::Rgb8(pixels))
 }
 
-/// Whether the error is about PNM: everything in it is supported, so that the file is damaged, by
-/// an impossible size.
+/// Whether an unsupported-format error is about PNM. Every PNM is supported, so that the file must
+/// be damaged, by an impossible size.
 fn is_pnm(error: &image::error::UnsupportedError) -> bool {
     matches!(error.format_hint(), ImageFormatHint::Exact(ImageFormat::Pnm))
 }
 
-/// A decoder's error in our words if it is about reading.
+/// The error for a decoder's error, in our words if it is about reading.
 fn malformed(path: &Path, error: image::ImageError) -> ImageError {
     let what = match error {
         image::ImageError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => "it ends too early".into(),
@@ -397,7 +398,7 @@ fn malformed(path: &Path, error: image::ImageError) -> ImageError {
             return ImageError::OtherKind { path: path.into(), what: brief(&what) };
         }
         image::ImageError::Decoding(error) => {
-            // The message without the format's name before it.
+            // The message, without the name of the format before it.
             brief(&error.source().map_or_else(|| error.to_string(), ToString::to_string))
         }
         error => brief(&error.to_string()),

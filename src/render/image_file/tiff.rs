@@ -1,4 +1,4 @@
-//! Reads TIFF with its library, after checking what the library does not.
+//! Reads TIFF with the crate `tiff`, after checking what it does not check.
 
 use super::DEFLATE_EXPANSION;
 use crate::kernels::memory::try_reserve;
@@ -14,31 +14,31 @@ use tiff::ColorType as Colour;
 use tiff::tags::Tag;
 use tiff::{TiffError, decoder::Decoder};
 
-/// The most bytes that a byte of LZW stands for: twelve bits can repeat as many bytes as its table
-/// has words.
+/// How many bytes a byte of LZW stands for at most: a code of twelve bits can stand for as many
+/// bytes as the table has entries.
 const LZW_EXPANSION: u64 = 4096 * 8 / 12;
-/// The most bytes that a byte of run-length encoding stands for: two bytes can repeat one up to 128
-/// times.
+/// How many bytes a byte of run-length encoding stands for at most: two bytes can repeat a byte up
+/// to 128 times.
 const RUN_EXPANSION: u64 = 64;
-/// The most pixels that a byte of a fax may stand for. A white row takes one bit, but no real page
-/// consists of white rows, so that this limit is lower.
+/// How many pixels a byte of a fax may stand for. A white row takes one bit, but no real page
+/// consists of white rows, so that a lower limit suffices.
 const FAX_PIXELS: u64 = 4096;
 
-/// The value of Compression for LZW.
+/// The value of the tag Compression for LZW.
 const LZW: u64 = 5;
-/// The value of PhotometricInterpretation for indices into a palette.
+/// The value of the tag PhotometricInterpretation for indices into a palette.
 const PALETTE: u64 = 3;
-/// The value of SampleFormat for floats.
+/// The value of the tag SampleFormat for floats.
 const FLOATS: u64 = 3;
 
-/// Decodes the first picture. The library handles tiles wrongly in some files: those that reach
-/// beyond the picture's edges, and some in LZW that stand side by side. It is therefore told that
-/// all tiles form one column, which is put together to the picture here.
+/// Decodes the first picture. In some files the library handles tiles wrongly: those that extend
+/// beyond the picture's edges, and LZW tiles that stand side by side. It is therefore told that all
+/// tiles form one column, from which the picture is put together here.
 pub(super) struct TiffFile<R: Read + Seek> {
     decoder: TiffDecoder<BufReader<Patched<R>>>,
-    /// Width and height of the picture.
+    /// The width and height of the picture.
     size: (u32, u32),
-    /// Width and height of a tile, if it has tiles.
+    /// The width and height of a tile, if the picture has tiles.
     tile: Option<(u32, u32)>,
     /// The most pixels that the file can hold.
     most: u64,
@@ -59,8 +59,8 @@ impl<R: BufRead + Seek> TiffFile<R> {
         if has_idle_predictor {
             patches.extend(directory.patch(Tag::Predictor, 1)?);
         }
-        // RowsPerStrip may be the largest number of its type, which means all rows in one strip;
-        // the library would decode a fax of so many.
+        // RowsPerStrip may be the largest number of its type, which means all rows in one strip.
+        // For a fax the library would decode so many rows.
         if strip_rows.is_some_and(|rows| rows > u64::from(size.1)) {
             patches.extend(directory.patch(Tag::RowsPerStrip, size.1)?);
         }
@@ -73,14 +73,14 @@ impl<R: BufRead + Seek> TiffFile<R> {
         reader.rewind()?;
         let mut decoder = TiffDecoder::new(BufReader::new(reader))?;
         let mut limits = Limits::default();
-        // Enough for the pixels, which may have a fourth channel that is dropped, and for the
-        // longest strip.
+        // Enough for the pixels, with a fourth channel that will be dropped, and for the longest
+        // strip.
         limits.max_alloc = Some(decoder.total_bytes().saturating_mul(2).saturating_add(length));
         decoder.set_limits(limits)?;
         Ok(TiffFile { decoder, size, tile, most })
     }
 
-    /// Width and height of the picture, or of the column of its tiles.
+    /// The width and height of the picture or, if it has tiles, of the column that they form.
     pub(super) fn stored(&self) -> (u32, u32) {
         self.decoder.dimensions()
     }
@@ -131,26 +131,26 @@ impl<R: BufRead + Seek> ImageDecoder for TiffFile<R> {
 
 /// The parts of a header that the library does not check.
 struct Header {
-    /// Width and height of the picture.
+    /// The width and height of the picture.
     size: (u32, u32),
-    /// Width and height of a tile, if it has tiles.
+    /// The width and height of a tile, if the picture has tiles.
     tile: Option<(u32, u32)>,
-    /// Width and height of the column of all tiles, or of the picture.
+    /// The width and height of the picture or, if it has tiles, of the column that they form.
     stored: (u32, u32),
-    /// The rows that a strip is said to have.
+    /// The number of rows in a strip, as the header gives it.
     strip_rows: Option<u64>,
-    /// The bytes of the only strip, up to the end of the file, if the header says 0.
+    /// The bytes from the only strip to the end of the file, if the header gives 0 as its length.
     strip_bytes: Option<u32>,
     /// The most pixels that the file can hold.
     most: u64,
-    /// Whether the header names a predictor although the compression has none; the library would
+    /// Whether the header names a predictor that its compression does not use. The library would
     /// apply it all the same.
     has_idle_predictor: bool,
 }
 
 impl Header {
     /// Checks that this kind of picture can be read, and that no tile is larger than a file of
-    /// `length` bytes can contain, since the decoder allocates it before reading.
+    /// `length` bytes can contain, since the decoder allocates a tile before it reads one.
     fn read(reader: &mut (impl Read + Seek), length: u64) -> ImageResult<Header> {
         let mut tiff = Decoder::new(&mut *reader).map_err(explained)?;
         let size = tiff.dimensions().map_err(explained)?;
@@ -203,8 +203,8 @@ impl Header {
     }
 }
 
-/// Whether codes of LZW begin at this place with their lowest bits, as programs wrote them before
-/// TIFF 5. The first code is always 256, of 9 bits.
+/// Whether the LZW codes at this position begin with their lowest bits, as programs wrote them
+/// before TIFF 5. The first code is always 256, with 9 bits.
 fn is_early_lzw(reader: &mut (impl Read + Seek), place: u64) -> bool {
     let mut first = [0; 2];
     let read = reader.seek(SeekFrom::Start(place)).and_then(|_| reader.read_exact(&mut first));
@@ -220,15 +220,14 @@ fn expansion(compression: u64) -> ImageResult<u64> {
         32773 => RUN_EXPANSION,
         4 => FAX_PIXELS / 8,
         2 | 3 => return Err(unsupported("compression by CCITT group 3, of faxes (group 4 is read)".into())),
-        // Of these JPEG is the one that occurs: its decoder allocates what a second header asks
-        // for.
+        // JPEG is refused, since its decoder allocates whatever a second header asks for.
         6 | 7 => return Err(unsupported("compression by JPEG".into())),
         other => return Err(unsupported(format!("compression by method {other}"))),
     })
 }
 
-/// Refuses the colours that `TiffDecoder` refuses, with a message that names them; and integers of
-/// 32 bits, which it takes for floats.
+/// Refuses the colours that `TiffDecoder` refuses, with a message that names them, and 32-bit
+/// integers, which it would take for floats.
 fn check_colour(colour: Colour, is_float: bool) -> ImageResult<()> {
     let (name, bits) = match colour {
         Colour::RGB(32) | Colour::RGBA(32) if is_float => return Ok(()),
@@ -246,20 +245,20 @@ fn check_colour(colour: Colour, is_float: bool) -> ImageResult<()> {
     Err(unsupported(format!("its samples are {name}, in {kind} of {bits} bits")))
 }
 
-/// The first directory, as bytes.
+/// The first directory of the file, as bytes.
 struct Directory {
     is_big_endian: bool,
-    /// Bytes of a count and of a value: 8 in BigTIFF.
+    /// The bytes of a count and of a value: 4, or 8 in BigTIFF.
     word: usize,
-    /// The entries, each with its place in the file.
+    /// The entries, each with its offset in the file.
     entries: Vec<(u64, [u8; 20])>,
-    /// Where they end in the file, and the place of the next directory should follow.
+    /// Where the entries end; the offset of the next directory should follow there.
     end: u64,
 }
 
 impl Directory {
-    /// Reads the directory, and checks that its values together are no longer than the file, since
-    /// the library allocates them.
+    /// Reads the directory, and checks that its values together are not longer than the file, since
+    /// the library allocates memory for them.
     fn read(reader: &mut (impl Read + Seek), length: u64) -> ImageResult<Directory> {
         let mut head = [0; 16];
         reader.read_exact(&mut head[..8])?;
@@ -293,20 +292,20 @@ impl Directory {
         Ok(directory)
     }
 
-    /// The bytes that are missing from a file of this length that ends with its directory: the
-    /// place of the next one, 0 for none.
+    /// The bytes to append to a file that ends right after its entries: the offset of the next
+    /// directory, which is 0.
     fn missing_end(&self, length: u64) -> Vec<(u64, u8)> {
         (length.max(self.end)..self.end + self.word as u64).map(|at| (at, 0)).collect()
     }
 
-    /// A number in the file's order of bytes.
+    /// A number in the file's byte order.
     fn number(&self, bytes: &[u8]) -> u64 {
         let append = |number, byte: &u8| number << 8 | u64::from(*byte);
         if self.is_big_endian { bytes.iter().fold(0, append) } else { bytes.iter().rev().fold(0, append) }
     }
 
-    /// The changed bytes, with their places in the file, that replace the single value of a tag by
-    /// one of 32 bits.
+    /// The changed bytes, with their offsets in the file, that replace the value of a tag by a
+    /// single 32-bit one.
     fn patch(&self, tag: Tag, value: u32) -> ImageResult<Vec<(u64, u8)>> {
         let is_tag = |(_, entry): &&(u64, [u8; 20])| self.number(&entry[..2]) == u64::from(tag.to_u16());
         let (at, _) = self.entries.iter().find(is_tag).ok_or_else(|| damaged("its size is missing"))?;
@@ -317,7 +316,7 @@ impl Directory {
             }
             number.into_iter().take(bytes)
         };
-        // Its type too, which may be of 16 bits.
+        // The value's type is changed too, since it may be a 16-bit one.
         const LONG: u32 = 4;
         let of_type = (at + 2..).zip(number(LONG, 2));
         let of_value = (at + 4 + self.word as u64..).zip(number(value, 4));
@@ -325,7 +324,7 @@ impl Directory {
     }
 }
 
-/// The bytes of a value of this type.
+/// The number of bytes of a value of this type.
 fn type_bytes(kind: u64) -> u64 {
     match kind {
         3 | 8 => 2,
@@ -335,10 +334,10 @@ fn type_bytes(kind: u64) -> u64 {
     }
 }
 
-/// A reader of a file in which some bytes are replaced by others, and some may be added at its end.
+/// A reader of a file in which some bytes are replaced, and to whose end some may be added.
 struct Patched<R> {
     reader: R,
-    /// Places in the file, and the bytes that are read there instead.
+    /// Offsets in the file, and the bytes that are read there instead of the file's.
     patches: Vec<(u64, u8)>,
 }
 

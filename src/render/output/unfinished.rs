@@ -1,5 +1,5 @@
-//! The hidden files that are being written on systems without nameless ones: an end of the process
-//! removes them.
+//! The hidden files that are being written, on systems without nameless files. They are removed
+//! when the process ends.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,11 +7,11 @@ use std::sync::{Mutex, PoisonError};
 
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Keeps a hidden file listed.
+/// Keeps a hidden file in the list until it is dropped.
 pub(super) struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Lists a file that is about to be created.
+    /// Adds a file that is about to be created to the list.
     pub(super) fn new(path: &Path) -> Self {
         UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.into());
         Unfinished(path.into())
@@ -24,9 +24,9 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes the hidden files of everything that is being written, before the process ends.
+/// Removes the hidden files that are being written, before the process ends.
 pub fn remove_unfinished() {
-    // The lock may be held by a thread that has just crashed or run out of memory: then nothing is
+    // If the lock is held, perhaps by a thread that has crashed or run out of memory, nothing is
     // removed.
     for path in UNFINISHED.try_lock().iter().flat_map(|paths| paths.iter()) {
         // The file may already be gone.

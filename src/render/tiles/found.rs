@@ -1,4 +1,4 @@
-//! The hits of a picture in tiles, for measuring errors, and the counts of what tiles cull.
+//! The hits of a picture in tiles, for measuring errors, and counts of what tiles cull.
 
 use std::ops::Range;
 
@@ -29,9 +29,9 @@ impl<E: Element> TileTracer<'_, E> {
         TileSurvey { short: self.count_short(), ..survey }
     }
 
-    /// Combines the result of `narrow`, for the tiles that this tracer traces in its own elements,
-    /// with that of `wide`, for the tiles that are traced in f64. Each gets a predicate for its
-    /// tiles.
+    /// Combines the result of `narrow`, for the tiles that this tracer traces in its own element
+    /// type, with the result of `wide`, for those that are traced in f64. Each is given a predicate
+    /// that selects its tiles.
     pub(super) fn ask_both<T>(
         &self,
         narrow: impl FnOnce(&dyn Fn(TilePlace) -> bool) -> T,
@@ -45,8 +45,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Calls `say` for those tiles of `rows` that are `own` and have objects, with the nearest
-    /// objects at their pixels.
+    /// Calls `say` for those tiles of `rows` that `own` selects and that have objects, with the
+    /// nearest objects at their pixels.
     fn each_nearest(
         &self,
         rows: Range<u32>,
@@ -64,7 +64,7 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// The counts for the `own` tiles of `rows`.
+    /// The counts for those tiles of `rows` that `own` selects.
     fn survey(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> TileSurvey {
         let mut survey = TileSurvey::default();
         let mut owners = Vec::new();
@@ -76,8 +76,8 @@ impl<E: Element> TileTracer<'_, E> {
         survey
     }
 
-    /// The counts for a tile, or a part of one, whose nearest objects were found. `owners` is
-    /// memory that is reused.
+    /// The counts for a tile, or a part of one, whose nearest objects have been found. `owners` is
+    /// scratch memory.
     fn survey_window(&self, window: &TileWindow, owners: &mut Vec<bool>, scratch: &mut Scratch<E>) -> TileSurvey {
         let Scratch { buffers, objects, shadows, .. } = scratch;
         owners.clear();
@@ -99,7 +99,7 @@ impl<E: Element> TileTracer<'_, E> {
         survey.and(std::mem::take(&mut scratch.counts))
     }
 
-    /// The number of spheres in the picture that have the short form in bytes.
+    /// How many spheres of the picture have the short form in bytes.
     fn count_short(&self) -> u64 {
         let candidates: Vec<_> = self.plan.seen_spheres().filter(|candidate| candidate.most < Candidate::ANY).collect();
         let mut records = SphereRecords::default();
@@ -110,7 +110,7 @@ impl<E: Element> TileTracer<'_, E> {
         candidates.chunks(CHUNK).map(count).sum()
     }
 
-    /// As [`Tracer::hits`], for the `own` tiles only.
+    /// As [`Tracer::hits`], for only those tiles that `own` selects.
     pub(super) fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
         let width = self.plan.size()[0] as usize;
         let mut found = vec![None; rows.len() * width];
@@ -124,7 +124,7 @@ impl<E: Element> TileTracer<'_, E> {
         found
     }
 
-    /// The hit at a pixel of a tile whose nearest objects were found.
+    /// The hit at a pixel of a tile whose nearest objects have been found.
     fn found_at(&self, window: &TileWindow, row: usize, column: usize, scratch: &Scratch<E>) -> Option<Found> {
         let nearest = scratch.buffers.pixel(self.kernels.lanes, column, row);
         if nearest.id == 0 {
@@ -138,8 +138,8 @@ impl<E: Element> TileTracer<'_, E> {
                     self.normal_of_sphere(nearest, window, row as u32, column as u32, &scratch.objects.spheres);
                 Found { object: Object::Sphere(place), distance, normal: Some(normal) }
             }
-            // The normal is computed from the scene, since kernels have only its products with the
-            // lights.
+            // The normal is computed from the scene, since the kernels only have its products with
+            // the lights.
             Some(i) => {
                 let corners = self.plan.scene().triangle(i).vertices.map(|v| v.as_dvec3());
                 let normal = geometry::triangle_plane(corners).normalize();
@@ -153,7 +153,7 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// The rows and columns of a tile within a window.
+/// The rows and columns of the tile's pixels that are in a window.
 fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
     let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
     rows.flat_map(move |row| (0..columns).map(move |column| (row, column)))

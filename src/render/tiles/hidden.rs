@@ -1,13 +1,15 @@
-//! Occlusion queries: which points of a tile the objects on a side of a light's cube hide from it.
+//! Occlusion queries: which points of a tile are hidden from a light by objects on one side of its
+//! cube.
 //!
-//! "In front of" and "behind" are meant as the light sees it: what hides a point is in front of it.
+//! Here "in front of" and "behind" are meant as seen from the light: an occluder is in front of the
+//! points that it hides.
 //!
-//! Usually one query is made for all points of a tile, against the objects in front of them. Where
-//! these are a crowd of small ones, neighbours in the picture make bad groups: they are at
-//! different depths, so that the light sees them along a diagonal, whose bounds hold much of the
-//! crowd. There the points are sorted along a Hilbert curve over the light's view, and each part of
-//! the curve has its own query, which first drops the objects that are in front of no point of the
-//! part.
+//! Usually one query is made for all points of a tile, against the objects in front of them. If
+//! these are a crowd of small objects, neighbours in the picture make bad groups: they are at
+//! different depths, so that the light sees them spread along a line, whose bounding box contains
+//! much of the crowd. Such points are sorted along a Hilbert curve over the light's view, and each
+//! part of the curve gets its own query, which first drops the objects that are in front of none of
+//! its points.
 
 use std::ops::Range;
 
@@ -16,28 +18,29 @@ use crate::kernels::{
 };
 use crate::plan::{Casters, Ends, LightSide, TileSurvey, Window};
 
-/// More objects than this in front of points are a crowd. With half as many, a scene of 100,000
-/// small triangles takes 1.1 times as long (Zen 3).
+/// More objects than this in front of a tile's points are a crowd. With half this limit, a scene of
+/// 100,000 small triangles takes 1.1 times as long (Zen 3).
 const CROWD: usize = 256;
 
-/// The objects of a crowd are small if the middle cell of its window has at most this share of
-/// them. Where it has more, a smaller window would not have many fewer: without this rule 10,000
+/// The objects of a crowd count as small if the middle cell of the window has at most this share of
+/// them. If it has more, a smaller window would not have many fewer: without this rule 10,000
 /// spheres of 100 pixels take 1.5 times as long.
 const MOST_IN_THE_MIDDLE: f32 = 0.125;
 
-/// Sorted points behind at most this many objects make one query. With half as many, a million
+/// Sorted points behind at most this many objects make one query. With half this limit, a million
 /// small triangles take 1.1 times as long.
 const FEW: usize = 128;
 
-/// A part is halved if the objects in front of its halves, added up, are at most this many times
-/// its own: large objects are in front of both halves, and count twice. 1.5 takes as long.
+/// A part of the curve is halved if its halves together have at most this many times as many
+/// objects in front of them as the part itself. Large objects are in front of both halves and count
+/// twice. The limit 1.5 is not faster.
 const MOST_OF_HALVES: f32 = 1.25;
 
-/// The Hilbert curve goes through this many cells across, and as many down.
+/// The Hilbert curve has this many cells across and as many down.
 const CURVE_SIDE: usize = 64;
 const CURVE_CELLS: usize = CURVE_SIDE * CURVE_SIDE;
 
-/// The position of each cell on the curve, row by row.
+/// The position on the curve of each cell, row by row.
 static PLACES_ON_CURVE: [u16; CURVE_CELLS] = {
     let mut places = [0; CURVE_CELLS];
     let mut cell = 0;
@@ -49,15 +52,15 @@ static PLACES_ON_CURVE: [u16; CURVE_CELLS] = {
 };
 
 /// The position of a cell on the Hilbert curve that begins in the first column of the first row and
-/// ends in its last column.
+/// ends in the last column of that row.
 const fn place_on_curve(mut column: usize, mut row: usize) -> u16 {
     let mut place = 0;
     let mut half = CURVE_SIDE / 2;
     while half > 0 {
         let (is_right, is_low) = (column >= half, row >= half);
         (column, row) = (column % half, row % half);
-        // Down on the left and up on the right; mirrored at the diagonals, so that the parts in the
-        // quadrants join.
+        // The curve goes down on the left and up on the right. The parts in the quadrants are
+        // mirrored at a diagonal so that they join.
         let quadrant = match (is_right, is_low) {
             (false, false) => {
                 (column, row) = (row, column);
@@ -76,22 +79,22 @@ const fn place_on_curve(mut column: usize, mut row: usize) -> u16 {
     place
 }
 
-/// Those of a tile's open points that objects of a side may be in front of, sorted along a Hilbert
-/// curve over the light's view.
+/// The open points of a tile that objects on a side of the cube may be in front of, sorted along a
+/// Hilbert curve over the light's view.
 pub(super) struct AlongCurve {
     points: TilePoints,
     groups: LitGroups,
-    /// How many there are.
+    /// The number of points.
     count: usize,
-    /// The index of each in the tile.
+    /// For each point its index in the tile.
     order: [u16; TILE_PIXELS],
     /// For each point of the tile the position of its cell on the curve, or [`NO_CELL`].
     cells: [u16; TILE_PIXELS],
-    /// Where the points of each cell begin.
+    /// For each cell the index of its first point.
     starts: [u16; CURVE_CELLS + 1],
 }
 
-/// Stands for the cell of a point that is not open, or has no objects in front of it.
+/// The cell of a point that is not open, or that no object is in front of.
 const NO_CELL: u16 = u16::MAX;
 
 impl Default for AlongCurve {
@@ -108,13 +111,13 @@ impl Default for AlongCurve {
 }
 
 impl AlongCurve {
-    /// Takes the open points of a tile within this window. The coordinates at which the side sees
-    /// them, `points.seen`, must be known.
+    /// Takes the open points of a tile within a window. Their coordinates on the side of the cube,
+    /// `points.seen`, must have been computed.
     fn take(&mut self, points: &TilePoints, groups: &LitGroups, window: &Window) {
         self.find_cells(points, groups, window);
         self.sort();
         let AlongCurve { points: sorted, groups: together, count, order, .. } = self;
-        // The last group is filled up with its last point, which is not open there.
+        // The last group is filled up with copies of its last point, which are not open.
         let filled = count.next_multiple_of(GROUP);
         if filled > *count {
             let last = order[*count - 1];
@@ -136,12 +139,12 @@ impl AlongCurve {
         }
     }
 
-    /// Finds the cells of points, and how many points are in each: `starts[cell + 1]` becomes the
-    /// number of points in a cell.
+    /// Finds the cell of each point, and counts the points in each cell: `starts[cell + 1]` becomes
+    /// the number of points in `cell`.
     fn find_cells(&mut self, points: &TilePoints, groups: &LitGroups, window: &Window) {
         let [low, high] = window.corners();
         let size = (high[0] - low[0]).max(high[1] - low[1]);
-        // The greatest coordinate is in the last cell too.
+        // Half a cell less, so that the greatest coordinate falls into the last cell too.
         let scale = if size > 0.0 { (CURVE_SIDE as f32 - 0.5) / size } else { 0.0 };
         self.starts.fill(0);
         self.cells.fill(NO_CELL);
@@ -165,7 +168,8 @@ impl AlongCurve {
         let AlongCurve { count, order, cells, starts, .. } = self;
         let mut sum = 0;
         for start in &mut starts[1..] {
-            // `starts[cell + 1]` is now where the next point of the cell goes, and becomes its end.
+            // `starts[cell + 1]` is now where the next point of the cell goes; in the end it is
+            // where the cell's points end.
             sum += std::mem::replace(start, sum);
         }
         *count = usize::from(sum);
@@ -176,7 +180,7 @@ impl AlongCurve {
         }
     }
 
-    /// Closes the points of a tile that are no longer open here.
+    /// Closes those points of the tile that have been closed here.
     fn give_back(&self, groups: &mut LitGroups) {
         for (place, from) in self.order[..self.count].iter().enumerate() {
             let from = usize::from(*from);
@@ -186,12 +190,12 @@ impl AlongCurve {
     }
 }
 
-/// An occlusion query: which of the open points of some groups are hidden from a light by objects
-/// on a side of its cube.
+/// An occlusion query: which open points of some groups are hidden from a light by objects on a
+/// side of its cube.
 pub(super) struct OcclusionQuery<'a, 's> {
     pub packets: &'static PacketKernels,
     pub side: LightSide<'a>,
-    /// Whether objects are culled that are in front of no point of a group.
+    /// Whether to cull objects that are in front of no point of a group.
     pub culls: bool,
     pub points: &'s TilePoints,
     pub groups: &'s mut LitGroups,
@@ -200,7 +204,7 @@ pub(super) struct OcclusionQuery<'a, 's> {
 }
 
 impl<'a> OcclusionQuery<'a, '_> {
-    /// Closes the open points that something hides; those behind a crowd are sorted with
+    /// Closes the open points that an object hides. Points behind a crowd are sorted with
     /// `along_curve`.
     pub fn run(mut self, along_curve: &mut Option<Box<AlongCurve>>) {
         let Some(window) = self.side.window(ends(self.groups, 0..GROUPS)) else { return };
@@ -217,21 +221,21 @@ impl<'a> OcclusionQuery<'a, '_> {
         sorted.give_back(self.groups);
     }
 
-    /// Whether points are behind many small objects.
+    /// Whether the points are behind many small objects.
     fn is_behind_a_crowd(&self, window: &Window) -> bool {
         let crowd = self.side.crowd(window);
         crowd > CROWD && self.side.crowd(&window.middle()) as f32 <= MOST_IN_THE_MIDDLE * crowd as f32
     }
 
-    /// The window of some groups, and how many objects are in its cells.
+    /// The window of some groups, and the number of objects in its cells.
     fn crowd(&self, part: Range<usize>) -> Option<(Window, usize)> {
         let window = self.side.window(ends(self.groups, part))?;
         let crowd = self.side.crowd(&window);
         Some((window, crowd))
     }
 
-    /// Closes hidden points of sorted groups: halves them as long as the halves have fewer objects
-    /// in front of them.
+    /// Closes the hidden ones of sorted points. A part of the curve is halved as long as its halves
+    /// have fewer objects in front of them.
     fn run_in_parts(&mut self, part: Range<usize>) {
         let Some((window, crowd)) = self.crowd(part.clone()) else { return };
         if part.len() > 1 && crowd > FEW {
@@ -246,14 +250,14 @@ impl<'a> OcclusionQuery<'a, '_> {
         self.close_hidden(near, part);
     }
 
-    /// The objects that may be in front of the points of a window, of each kind.
+    /// The objects of each kind that may be in front of the points of a window.
     fn gather(&self, window: &Window) -> [Vec<&'a Extent>; 3] {
         let mut near = [0; 3].map(|_| Vec::with_capacity(GROUPS));
         self.side.gather(window, &mut near);
         near
     }
 
-    /// Those of some objects that are in front of an open point of some groups. Of a crowd these
+    /// Those of some objects that are in front of an open point of some groups; of a crowd, they
     /// are few.
     fn in_front_of_points(&mut self, near: &[&'a Extent], part: Range<usize>) -> Vec<&'a Extent> {
         let list = &mut self.casters.list;
@@ -280,7 +284,7 @@ impl<'a> OcclusionQuery<'a, '_> {
             // An object that is farther than all points that are still open hides none of them.
             while near.first().is_some_and(|of| of.depth <= farthest(groups, part.clone())) {
                 near = side.cast((kind, near), &packets.cast, casters);
-                // Points are needed to cull by edges, which only triangles have.
+                // Points are needed only to cull by edges, which only triangles have.
                 let points = (*culls && kind > 0).then_some(*points);
                 packets.meet.call(points, groups, part.clone(), &mut casters.list);
                 side.make_met(casters);
@@ -294,23 +298,24 @@ impl<'a> OcclusionQuery<'a, '_> {
     }
 }
 
-/// The ends of the open points of some groups on a side: infinite if there is none.
+/// The bounds of the open points of some groups on a side; infinite if there are none.
 fn ends(LitGroups { x, y, past_x, past_y, depth, open, .. }: &LitGroups, part: Range<usize>) -> Ends {
     [x, y, past_x, past_y, depth].map(|field| least_of_open(&field[part.clone()], &open[part.clone()]))
 }
 
-/// The depth of the farthest open point of some groups.
+/// The depth of the farthest open point in some groups.
 fn farthest(LitGroups { depth, open, .. }: &LitGroups, part: Range<usize>) -> f32 {
     -least_of_open(&depth[part.clone()], &open[part])
 }
 
-/// The least of the numbers of groups, which are the bits of floats, that have open points.
+/// The least of the numbers of those groups that have open points. The numbers are floats, given as
+/// bits.
 fn least_of_open(numbers: &[u32], open: &[u32]) -> f32 {
     let or_least = |least: f32, number: u32, open: u32| {
         let number = if open != 0 { f32::from_bits(number) } else { f32::INFINITY };
         if number < least { number } else { least }
     };
-    // Eight minima at a time, since a single one would wait for the result of each comparison.
+    // Eight minima are kept, since with a single one each comparison would wait for the one before.
     let mut least = [f32::INFINITY; 8];
     let (numbers, numbers_left) = numbers.as_chunks::<8>();
     let (open, open_left) = open.as_chunks::<8>();

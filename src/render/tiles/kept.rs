@@ -1,33 +1,33 @@
 //! Scratch memory kept from one picture to the next.
 //!
-//! A small picture, such as a frame of a preview, is traced in less time than the system takes to
-//! give out its scratch memory.
+//! A small picture, such as a frame of a preview, takes less time to trace than the system takes to
+//! provide scratch memory.
 
 use std::any::Any;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The memory kept of all pictures.
+/// The scratch memory that is kept from all pictures.
 pub(super) static KEPT: Kept = Kept(Mutex::new(Vec::new()));
 
-/// Memory of any types.
+/// Scratch memory of any type.
 pub(super) struct Kept(Mutex<Vec<Box<dyn Any + Send>>>);
 
 impl Kept {
-    /// The most that is kept: for a few threads.
+    /// The number of pieces that are kept: enough for a few threads.
     const MOST: usize = 4;
 
     fn lock(&self) -> MutexGuard<'_, Vec<Box<dyn Any + Send>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Memory of this type, if some is kept.
+    /// Takes a piece of memory of this type, if one is kept.
     pub(super) fn take<T: Any>(&self) -> Option<T> {
         let mut kept = self.lock();
         let index = kept.iter().position(|memory| memory.is::<T>())?;
         kept.swap_remove(index).downcast().ok().map(|memory| *memory)
     }
 
-    /// Keeps memory, unless there is enough.
+    /// Keeps a piece of memory, unless [`MOST`](Self::MOST) pieces are kept already.
     pub(super) fn give<T: Any + Send>(&self, memory: T) {
         let mut kept = self.lock();
         if kept.len() < Self::MOST {

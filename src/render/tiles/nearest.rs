@@ -1,4 +1,4 @@
-//! The nearest object at each pixel of a tile: layers from near to far, with culling.
+//! Finds the nearest object at each pixel of a tile: in layers from near to far, with culling.
 
 use std::ops::Range;
 
@@ -11,30 +11,32 @@ use crate::kernels::{
 };
 use crate::plan::{LargeInRow, LargeObjects, Omission, TilePlace, Weighted, compact};
 
-/// In a tile of fewer triangles, or fewer spheres, culling the hidden ones costs more than testing
-/// all.
+/// In a tile of fewer triangles, or of fewer spheres, culling hidden ones costs more than testing
+/// them all.
 const FEWEST_HIDDEN: usize = 64;
 
-/// The limit that takes the place of [`FEWEST_HIDDEN`] if they cover the tile more than [`DEEP`]
-/// times.
+/// The limit used instead of [`FEWEST_HIDDEN`] where the candidates cover the tile more than
+/// [`DEEP`] times.
 const FEWEST_DEEP: usize = 16;
 
 /// Candidates that cover a tile more often than this are partitioned once more, and the nearer part
 /// is traced first.
 const DEEP: u32 = 4;
 
-/// The most layers of a tile: after so many partitions the rest is about equally near.
+/// The number of layers of a tile: after so many partitions the remaining candidates are about
+/// equally near.
 const MOST_LAYERS: usize = 24;
 
-/// How many of the large objects, from the nearest on, are traced together with the tile's own. As
-/// long as farther ones may be visible, `LARGE_MORE` times as many as before follow.
+/// How many of the large objects, from the nearest on, are traced together with the tile's own
+/// candidates. As long as farther ones may be visible, more follow: each time `LARGE_MORE` times as
+/// many as before.
 const LARGE_AT_FIRST: usize = 64;
 const LARGE_MORE: usize = 4;
 
 /// How many times the candidates' bounds cover the window, estimated from a sample.
 fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     let step = candidates.len().div_ceil(8);
-    // The bounds of small objects exceed what they cover, by about a pixel.
+    // The bounds of small objects extend about a pixel beyond what the objects cover.
     let length = |bounds: u32, first: u32, side: usize| {
         (bounds >> 16).min(first + side as u32).saturating_sub((bounds & 0xffff).max(first) + 1)
     };
@@ -45,29 +47,32 @@ fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
 }
 
-/// A tile of more spheres, or more triangles, drops those without a pixel, so that ids stay within
-/// the integers that f32 represents exactly.
+/// In a tile with more spheres, or more triangles, those without a pixel are dropped, so that ids
+/// remain integers that f32 holds exactly.
 const MOST_OBJECTS: usize = 1 << 16;
 
 /// The scratch memory of a thread.
 #[derive(Default)]
 pub(super) struct Scratch<E: Element> {
     pub buffers: TileBuffers<E>,
-    /// The large objects that meet the current row of tiles: spheres, and both kinds of triangles.
+    /// The large objects that are in the current row of tiles: spheres, and both kinds of
+    /// triangles.
     large: [LargeInRow; 3],
-    /// The candidates of a tile, copied together if they are in more than one list of the plan.
+    /// The candidates of a tile, put together here if they come from more than one list of the
+    /// plan.
     room: Vec<Candidate>,
     layers: Layers,
     pub objects: TileObjects<E>,
-    /// The scratch memory for shadows, if there are any.
+    /// The scratch memory for shadows, if the scene has any.
     pub shadows: Option<Box<ShadowScratch>>,
 }
 
 impl<E: Element> Scratch<E> {
-    /// More memory than this is not kept.
+    /// If a piece of memory is larger than this, it is not kept.
     const MOST_KEPT: usize = 1 << 20;
 
-    /// The memory without what is of a plan, unless it is much.
+    /// The memory to be kept for other plans, without what belongs to this one. None if it is too
+    /// much.
     pub(super) fn for_other_plans(self) -> Option<Self> {
         let Scratch { buffers, room, layers, mut objects, .. } = self;
         let Layers { nearest, room: other_room, others, .. } = &layers;
@@ -79,13 +84,14 @@ impl<E: Element> Scratch<E> {
     }
 }
 
-/// The set-up objects of a tile, by their ids in it: 0 is no object, spheres come before triangles.
+/// The objects of a tile that have been set up, by their ids in the tile. Id 0 is no object;
+/// spheres come before triangles.
 #[derive(Default)]
 pub(super) struct TileObjects<E> {
-    /// Their indices in the scene.
+    /// The objects' indices in the scene.
     pub order: Vec<u32>,
-    /// The effect of each light on each triangle; zeros for spheres, which have records of their
-    /// own.
+    /// The effect of each light on each triangle. They are 0 for spheres, which have records of
+    /// their own.
     pub shades: Vec<TileShade<E>>,
     pub spheres: TileSpheres<E>,
     /// The number of objects that were dropped because they had no pixel.
@@ -93,7 +99,7 @@ pub(super) struct TileObjects<E> {
 }
 
 impl<E: Element> TileObjects<E> {
-    /// About how much memory they hold.
+    /// About how much memory the objects take.
     fn bytes(&self) -> usize {
         let TileObjects { order, shades, spheres, .. } = self;
         let records = &spheres.records;
@@ -102,23 +108,23 @@ impl<E: Element> TileObjects<E> {
     }
 }
 
-/// A tile's objects in layers from near to far, in memory reused from tile to tile.
+/// A tile's candidates in layers from near to far. The memory is reused from tile to tile.
 #[derive(Default)]
 struct Layers {
     nearest: Vec<Candidate>,
-    /// Memory for partitioning the nearest ones again.
+    /// Memory for partitioning the nearest candidates once more.
     room: Vec<Candidate>,
-    /// The other layers, the farthest first.
+    /// The candidates of the other layers, the farthest first.
     others: Vec<Candidate>,
-    /// Where each of these layers is among them.
+    /// The range in `others` of each of these layers.
     ranges: Vec<Range<usize>>,
 }
 
-/// The hierarchical depth of a tile.
+/// The hierarchical depth buffer of a tile.
 struct TileDepth {
-    /// The least 1/t of each part of the tile.
+    /// The least 1/t in each part of the tile.
     parts: [f32; TILE_PARTS],
-    /// The least 1/t in all of it.
+    /// The least 1/t in the whole tile.
     least: f32,
 }
 
@@ -133,7 +139,7 @@ impl<E> TileObjects<E> {
     }
 }
 
-/// Callback that gets the nearest objects so far.
+/// A callback that is given the nearest objects found so far.
 pub(super) type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &TileObjects<E>);
 
 impl<E: Element> TileTracer<'_, E> {
@@ -143,8 +149,8 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         tile: TilePlace,
         window: &TileWindow,
-        // Not the last argument, because it is a pair of pointers: on the stack it would be stored
-        // in two halves and loaded whole, which waits for the stores.
+        // This is not the last argument because it is a pair of pointers: passed on the stack it
+        // would be stored in two halves and loaded as a whole, which has to wait for both stores.
         so_far: Option<SoFar<'_, E>>,
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
@@ -195,7 +201,8 @@ impl<E: Element> TileTracer<'_, E> {
         search.is_cleared
     }
 
-    /// Replaces the planes of the last set-up by the plan's more accurate ones, if it has them.
+    /// Replaces the planes of the last set-up by the plan's more accurate ones, where the plan has
+    /// them.
     fn refine(
         &self,
         kind: usize,
@@ -215,7 +222,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Traces the large objects that are left, except those behind everything in this tile.
+    /// Traces the remaining large objects, except those that are behind everything in this tile.
     fn each_large(
         &self,
         mut large: LargeObjects<'_>,
@@ -253,7 +260,7 @@ impl<E: Element> TileTracer<'_, E> {
         if few || self.plan.keep().has(Omission::Occluded) {
             return trace(candidates, buffers);
         }
-        // The partitioning kernel writes whole registers, beyond the end of its results.
+        // The partitioning kernel writes whole registers, and so beyond the end of its results.
         let enough = candidates.len() + CHUNK;
         for layer in [&mut *nearest, room, others] {
             layer.resize(layer.len().max(enough), Candidate::default());
@@ -290,15 +297,15 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// The hierarchical depth of a tile within a window.
+    /// The hierarchical depth of a tile, within a window.
     fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> TileDepth {
         buffers.close_around(self.kernels.lanes, window);
         let parts = buffers.farthest(self.kernels.lanes);
         TileDepth { parts, least: parts.into_iter().fold(f32::MAX, f32::min) }
     }
 
-    /// Traces the spheres of a tile: first those around the camera or beside it, and then those in
-    /// front.
+    /// Traces the spheres of a tile: first those that contain the camera or are beside it, then
+    /// those in front of it.
     fn nearest_spheres(
         &self,
         spheres: &mut Vec<Candidate>,
@@ -346,32 +353,34 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// The most objects that a tile sets up before it drops those without a pixel, by
+    /// How many objects a tile sets up before it drops those without a pixel, given
     /// [`MOST_EFFECTS`] and [`MOST_OBJECTS`].
     fn most_objects(&self, window: &TileWindow) -> usize {
         let pixels = window.columns as usize * window.rows.len();
         (MOST_EFFECTS / self.plan.points().len().max(1)).clamp(pixels, MOST_OBJECTS)
     }
 
-    /// A triangle whose bounds have fewer blocks in a row is tested at all of them. With so few
-    /// blocks the CPU mispredicts how many are left after culling, so that culling costs as much as
-    /// it saves.
+    /// A triangle whose bounds are fewer blocks wide is tested at all of them. For so few blocks
+    /// the CPU mispredicts how many are left after culling, so that culling costs as much as it
+    /// saves.
     fn fewest_across(&self) -> u32 {
         let all = self.plan.keep().has(Omission::Misses);
         if all { u32::MAX } else { (TILE_WIDTH / self.kernels.lanes.min(4) / 2) as u32 }
     }
 }
 
-/// A list of triangles that a tile searches.
+/// A list of triangles in which a tile's candidates are.
 struct TracedList<'a> {
-    /// Its index among the plan's lists.
+    /// The list's index among the plan's lists.
     kind: usize,
     triangles: TriangleList<'a>,
-    /// What a triangle's index in the list is added to for its place among all objects, from 1.
+    /// What is added to a triangle's index in the list to give its place among all objects, which
+    /// are counted from 1.
     first_place: u32,
 }
 
-/// The search for the nearest triangles at the pixels of a tile, whose spheres were found.
+/// The search for the nearest triangles at the pixels of a tile. The spheres have been searched
+/// before.
 struct TriangleSearch<'a, 't, 'f, E: Element> {
     tracer: &'a TileTracer<'t, E>,
     window: &'a TileWindow,
@@ -379,14 +388,14 @@ struct TriangleSearch<'a, 't, 'f, E: Element> {
     view: TileView<f64>,
     so_far: Option<SoFar<'f, E>>,
     objects: &'a mut TileObjects<E>,
-    /// The id in the tile of its first triangle.
+    /// The id of the tile's first triangle.
     first_triangle: usize,
-    /// Whether the buffers were cleared for this tile, which they are before its first object.
+    /// Whether the buffers have been cleared for this tile, which is done before its first object.
     is_cleared: bool,
 }
 
 impl<E: Element> TriangleSearch<'_, '_, '_, E> {
-    /// Traces candidates of a list, from near to far.
+    /// Traces the candidates of a list, from near to far.
     fn trace(
         &mut self,
         list: &TracedList<'_>,
@@ -418,7 +427,7 @@ impl<E: Element> TriangleSearch<'_, '_, '_, E> {
         });
     }
 
-    /// Traces the first chunk of candidates.
+    /// Traces the first chunk of the candidates.
     fn trace_chunk(&mut self, list: &TracedList<'_>, candidates: &[Candidate], buffers: &mut TileBuffers<E>) {
         let TriangleSearch { tracer, window, weighted, ref view, .. } = *self;
         let (grid, kernels) = (tracer.plan.grid(), &tracer.kernels.tiles);
@@ -442,7 +451,7 @@ impl<E: Element> TriangleSearch<'_, '_, '_, E> {
     }
 }
 
-/// Compacts the candidates, in order, to those that are not behind everything in the tile, and
+/// Moves the candidates that are not behind everything in the tile to the front, in order, and
 /// returns their number.
 fn not_behind(candidates: &mut [Candidate], least: f32) -> usize {
     if least <= 0.0 {
@@ -451,12 +460,12 @@ fn not_behind(candidates: &mut [Candidate], least: f32) -> usize {
     compact(candidates, |candidate| candidate.most >= least)
 }
 
-/// Compacts the candidates, in order, to those that may be visible in the window, and returns their
-/// number. The others are behind everything in all those parts of the tile, within the window, that
-/// their bounds meet.
+/// Moves the candidates that may be visible in the window to the front, in order, and returns their
+/// number. The others are behind everything in all those parts of the tile that their bounds meet
+/// within the window.
 fn visible(candidates: &mut [Candidate], parts: &[f32; TILE_PARTS], window: &TileWindow) -> usize {
     const ACROSS: usize = TILE_WIDTH / PART_SIDE;
-    // The first and the last part that the bounds meet, across or down; if they meet none, the last
+    // The first and the last part that the bounds meet, across or down. If they meet none, the last
     // is before the first.
     let ends = |bounds: u32, tile: u32, [start, end]: [u32; 2]| {
         let first = (bounds & 0xffff).max(tile + start) - tile;
@@ -468,7 +477,7 @@ fn visible(candidates: &mut [Candidate], parts: &[f32; TILE_PARTS], window: &Til
         let [top, bottom] = ends(candidate.rows, window.row, [window.rows.start, window.rows.end]);
         let hides = |row: usize, column: usize| parts[(row * ACROSS + column) % TILE_PARTS] > candidate.most;
         let is_hidden = if right.wrapping_sub(left) < 2 && bottom.wrapping_sub(top) < 2 {
-            // A branch would be mispredicted.
+            // `&` and not `&&`, since a branch would be mispredicted.
             hides(top, left) & hides(top, right) & hides(bottom, left) & hides(bottom, right)
         } else {
             (top..=bottom).all(|row| (left..=right).all(|column| hides(row, column)))
@@ -477,9 +486,9 @@ fn visible(candidates: &mut [Candidate], parts: &[f32; TILE_PARTS], window: &Til
     })
 }
 
-/// Drops those objects of a tile, among ids from `first` upwards, that have no pixel, and renumbers
-/// the others. Returns, by old id, which objects had a pixel; ids below `first` count as having
-/// one.
+/// Drops the objects of a tile that have no pixel, from the id `first` on, and renumbers the
+/// others. Returns for each old id whether its object had a pixel; ids below `first` count as
+/// having one.
 fn forget_unseen<E: Element>(
     buffers: &mut TileBuffers<E>,
     first: usize,

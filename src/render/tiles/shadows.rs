@@ -1,7 +1,8 @@
-//! The lights that do not reach a pixel because an object or the surface itself hides them.
+//! Finds the lights that do not reach a pixel because an object, or the surface itself, hides them.
 //!
-//! A pixel in a shadow is given to a copy of its object that lacks the hidden lights. So shading
-//! needs to know nothing of shadows, and they cost nothing at pixels that all lights reach.
+//! A pixel in shadow is given to a copy of its object that lacks the hidden lights. Shading
+//! therefore needs to know nothing of shadows, and at pixels that all lights reach they cost
+//! nothing.
 
 use glam::DVec3;
 
@@ -13,23 +14,23 @@ use crate::kernels::{
 };
 use crate::plan::{Casters, Omission, Shadows, TileSurvey};
 
-/// The mask of all points of a group.
+/// The mask of all points in a group.
 const ALL: u32 = (1 << GROUP) - 1;
 
-/// The scratch memory of a thread for shadows.
+/// A thread's scratch memory for shadows.
 pub(super) struct ShadowScratch {
     points: Box<TilePoints>,
     groups: Box<LitGroups>,
-    /// The tile's objects by id, as the point kernel takes them.
+    /// The tile's objects by id, in the form that the point kernel takes.
     objects: Vec<PointObject<f64>>,
     owners: Vec<bool>,
-    /// The ids at all pixels: `ids` of the visible objects, `left` of their copies without the
-    /// hidden lights.
+    /// The id at each pixel: in `ids` that of the visible object, in `left` that of its copy
+    /// without the hidden lights.
     ids: Box<[u32; TILE_PIXELS]>,
     left: Box<[u32; TILE_PIXELS]>,
-    /// Candidate casters as a light sees them.
+    /// The candidate occluders, as a light sees them.
     casters: Casters,
-    /// The points behind a crowd, sorted; None until there was a crowd.
+    /// The points behind a crowd, sorted; None until a crowd occurs.
     along_curve: Option<Box<AlongCurve>>,
     /// Counts of tests that were made and avoided, for the report.
     pub counts: TileSurvey,
@@ -52,8 +53,8 @@ impl Default for ShadowScratch {
 }
 
 impl ShadowScratch {
-    /// Finds for each pixel which of the eight lights from index `first` on its surface faces, as a
-    /// bit for each. `faces` is scratch memory for the same by object.
+    /// Finds for each pixel which of the eight lights from index `first` on are on the lit side of
+    /// its surface: a bit for each. `faces` is scratch memory for these bits by object.
     fn find_faced(&self, shadows: &Shadows<'_>, first: usize, faces: &mut Vec<u8>, faced: &mut [u8; TILE_PIXELS]) {
         let eight: Vec<_> = shadows.lights().skip(first).take(8).collect();
         let lit = |object| eight.iter().rev().fold(0, |lit, light| lit << 1 | u8::from(is_lit(object, *light)));
@@ -63,26 +64,27 @@ impl ShadowScratch {
     }
 }
 
-/// When a tile has more darkened copies, those without a pixel are dropped.
+/// In a tile with more darkened copies, those without a pixel are dropped.
 const MOST_PARTS: usize = TILE_PIXELS;
 
-/// Stands for no object, and for one that no light reaches: its points are NaN.
+/// Stands for no object, and for an object that no light reaches: its points are NaN.
 const NOBODY: PointObject<f64> = PointObject { w: f64::NAN, own: -1.0, ..PointObject::ZERO };
 
-/// Copies of a tile's objects that lack some lights; their ids follow those of the tile's objects.
+/// Copies of a tile's objects that lack some lights. Their ids follow those of the tile's objects.
 #[derive(Default)]
 struct Darkened {
     /// The number of the tile's objects.
     count: usize,
-    /// For each copy, the id of its object, and the index in `hidden` of its last hidden light.
+    /// For each copy the id of its object, and the index in `hidden` of the light that was hidden
+    /// last.
     parts: Vec<(u32, u32)>,
-    /// Linked lists of hidden lights: each entry has the index of the light that was hidden before
-    /// it, or its own index at the end, and the light.
+    /// Linked lists of hidden lights. An entry has the index of the entry that was made before it,
+    /// or its own index at the end of a list, and the number of a light.
     hidden: Vec<(u32, u32)>,
 }
 
 impl Darkened {
-    /// Adds a copy of an object, or of a copy, without one more light, and returns its id.
+    /// Adds a copy of an object, or of another copy, that lacks one more light. Returns its id.
     fn without(&mut self, id: u32, light: usize) -> u32 {
         let next = self.hidden.len() as u32;
         let part = (id as usize).checked_sub(self.count).map(|part| self.parts[part]);
@@ -92,14 +94,14 @@ impl Darkened {
         (self.count + self.parts.len() - 1) as u32
     }
 
-    /// The hidden lights of a copy.
+    /// The lights that are hidden from a copy.
     fn lights(&self, (_, last): (u32, u32)) -> impl Iterator<Item = usize> {
         let before = |at: &u32| Some(self.hidden[*at as usize].0).filter(|before| before != at);
         std::iter::successors(Some(last), before).map(|at| self.hidden[at as usize].1 as usize)
     }
 
-    /// Gives the pixels that a light does not reach, which are not `open`, to copies of their
-    /// objects without that light. `instead` is scratch memory.
+    /// Gives the pixels that a light does not reach, whose points are not `open`, to copies of
+    /// their objects without that light. `instead` is scratch memory.
     fn darken(&mut self, ids: &mut [u32; TILE_PIXELS], open: &[u32; GROUPS], light: usize, instead: &mut Vec<u32>) {
         instead.clear();
         instead.resize(self.count + self.parts.len(), 0);
@@ -127,7 +129,7 @@ impl Darkened {
         }
     }
 
-    /// Drops the copies without a pixel, and renumbers the others.
+    /// Drops the copies that have no pixel, and renumbers the others.
     fn forget(&mut self, ids: &mut [u32; TILE_PIXELS]) {
         let mut numbers = vec![0; self.parts.len()];
         let parts = std::mem::take(&mut self.parts);
@@ -143,8 +145,8 @@ impl Darkened {
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Finds which lights do not reach which pixels of a tile, and, if `darkens`, gives those
-    /// pixels to copies of their objects without these lights. Otherwise only tests are counted.
+    /// Finds which lights do not reach which pixels of a tile. If `darkens`, these pixels are given
+    /// to copies of their objects without these lights; otherwise tests are only counted.
     pub(super) fn cast_shadows(
         &self,
         shadows: &Shadows<'_>,
@@ -177,7 +179,7 @@ impl<E: Element> TileTracer<'_, E> {
             }
         }
         if !darkened.parts.is_empty() {
-            // Under a single light every copy has pixels.
+            // With a single light, every copy has pixels.
             if shadows.lights().nth(1).is_some() {
                 darkened.forget(&mut scratch.left);
             }
@@ -185,8 +187,9 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Closes the open points that an object hides from a light. `ends_of_points` are computed when
-    /// they are first needed.
+    /// Closes the points that an object hides from the light. A point is open for a light while its
+    /// bit in `scratch.groups.open` is set: it faces the light, and no object tested so far hides
+    /// it. `ends_of_points` are computed when they are first needed.
     fn close_hidden(
         &self,
         shadows: &Shadows<'_>,
@@ -214,8 +217,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Finds the visible point of every pixel of a tile, and which object it belongs to. `order`
-    /// has the objects' indices in the scene.
+    /// Finds the visible point at each pixel of a tile, and the object that it is on. `order` has
+    /// the objects' indices in the scene.
     fn find_points(
         &self,
         shadows: &Shadows<'_>,
@@ -231,7 +234,7 @@ impl<E: Element> TileTracer<'_, E> {
         owners.resize(order.len(), false);
         for (ids, own) in ids.as_chunks::<GROUP>().0.iter().zip(&mut groups.own) {
             let id = ids[0] as usize;
-            // The ids are compared by arithmetic, since comparing arrays would be a function call.
+            // Ids are compared by arithmetic, since comparing arrays would be a function call.
             let is_one = ids.iter().fold(0, |different, id| different | (id ^ ids[0])) == 0;
             *own = if is_one && id > 0 { own_bits(order[id] - 1) } else { 0 };
             let different = if is_one { &ids[..1] } else { &ids[..] };
@@ -245,8 +248,7 @@ impl<E: Element> TileTracer<'_, E> {
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
     }
 
-    /// Makes the shading records of the copies without some lights, and stores their ids at the
-    /// pixels.
+    /// Makes the shading records of the darkened copies, and stores their ids at the pixels.
     fn part_with(
         &self,
         darkened: &Darkened,
@@ -257,7 +259,7 @@ impl<E: Element> TileTracer<'_, E> {
         let count = darkened.count;
         let lights = self.plan.points().len();
         let first_triangle = 1 + spheres.places.len();
-        // Ids of spheres come before those of triangles.
+        // The ids of spheres come before those of triangles.
         let roots = (0..count as u32).chain(darkened.parts.iter().map(|(object, _)| *object));
         let is_sphere: Vec<_> = roots.map(|id| (1..first_triangle).contains(&(id as usize))).collect();
         let added = is_sphere[count..].iter().filter(|is_sphere| **is_sphere).count();
@@ -302,9 +304,9 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// Whether a light is on the camera's side of a surface: for a triangle, of its plane p . x = 1;
-/// for a sphere, whether the camera is outside of it, since the law of shading leaves the side away
-/// from the light dark in any case.
+/// Whether a light is on the camera's side of a surface. For a triangle that is its side of the
+/// plane p . x = 1. For a sphere it is whether the camera is outside of it: shading leaves the side
+/// that faces away from the light dark in any case.
 fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     let &PointObject { x, y, z, a, b, own, .. } = object;
     // Evaluated without branches.
@@ -313,14 +315,14 @@ fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
 
 /// Collects the lowest bits of 16 bytes.
 fn bits(of: u128) -> u32 {
-    // The multiplication moves the lowest bit of each byte to the top byte, in order; no two
-    // partial products share a bit.
+    // The multiplication moves the lowest bit of each byte to the top byte, in order. No two
+    // partial products have a bit in common.
     let eight = |of: u64| (of & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56;
     (eight(of as u64) | eight((of >> 64) as u64) << 8) as u32
 }
 
-/// The least and the greatest coordinates of the points; those of pixels without an object are NaN
-/// and are ignored.
+/// The least and the greatest coordinates of the points. Pixels without an object have NaN, which
+/// is ignored.
 fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints) -> [DVec3; 2] {
     let of = |sign: f64| {
         [x, y, z].map(|field| {

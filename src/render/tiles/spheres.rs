@@ -1,4 +1,5 @@
-//! The shading records of a tile's spheres, made only for those that own a pixel; normals.
+//! The shading records of a tile's spheres, made only for spheres that have a pixel, and normals of
+//! spheres.
 
 use glam::DVec3;
 
@@ -9,35 +10,35 @@ use crate::kernels::{
 use crate::plan::{Omission, Weighted};
 use crate::reference::geometry;
 
-/// If a scene has at most this many spheres, their shading records are made once, before its first
-/// tile. With more spheres, or too many lights, each tile makes the records of those that own a
-/// pixel in it.
+/// In a scene with at most this many spheres, all shading records are made once, before the first
+/// tile. With more spheres, or too many lights, each tile makes the records of the spheres that
+/// have a pixel in it.
 const MOST_RECORDS: usize = 4096;
 
-/// In a picture of fewer pixels for each sphere most spheres own none: of 1,000 in 16 x 16 pixels
-/// making the records of all took a third of the time.
+/// In a picture with fewer pixels per sphere most spheres have no pixel: for 1,000 spheres in 16 x
+/// 16 pixels, making all records took a third of the time.
 const FEWEST_PIXELS: usize = 4;
 
-/// In a tile of fewer spheres, finding those that own a pixel costs more than making the records of
-/// all.
+/// In a tile with fewer spheres, finding those that have a pixel costs more than making the records
+/// of all.
 const FEWEST_OWNERS: usize = 128;
 
-/// The set-up spheres of a tile, in the order of their ids, which begin at 1.
+/// The spheres of a tile that have been set up, in the order of their ids, which begin at 1.
 #[derive(Default)]
 pub(super) struct TileSpheres<E> {
     pub candidates: Vec<Candidate>,
-    /// For each id, beginning at 0, whether it owns a pixel.
+    /// For each id, from 0 on, whether it has a pixel.
     owners: Vec<bool>,
-    /// The spheres that own a pixel.
+    /// The spheres that have a pixel.
     owning: Vec<Candidate>,
-    /// The indices of the spheres' records; arbitrary for spheres without a pixel.
+    /// For each sphere the index of its record; arbitrary for spheres without a pixel.
     pub places: Vec<u32>,
-    /// The tile's own records, unless the tracer has records of all spheres.
+    /// The tile's own records, unless the tracer has the records of all spheres.
     pub records: SphereRecords<E>,
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// The records of all spheres, if they are few.
+    /// The records of all spheres, if there are few spheres.
     pub(super) fn records_of_all(&self, weighted: &Weighted) -> Option<&SphereRecords<E>> {
         let count = self.plan.spheres().len();
         let make = || {
@@ -46,7 +47,7 @@ impl<E: Element> TileTracer<'_, E> {
             self.make_records(weighted, &all, &mut records);
             records
         };
-        // With shadows, tiles need records of their own for darkened copies of spheres.
+        // With shadows, tiles need records of their own, for darkened copies of spheres.
         let effects = count * self.plan.sphere_lights().len();
         let [width, height] = self.plan.size();
         let pixels = width as usize * height as usize;
@@ -55,7 +56,7 @@ impl<E: Element> TileTracer<'_, E> {
             .then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
     }
 
-    /// Makes the records of the candidates, in their order.
+    /// Makes a record for each candidate, in their order.
     pub(super) fn make_records(&self, weighted: &Weighted, candidates: &[Candidate], records: &mut SphereRecords<E>) {
         let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
         let lights = self.plan.sphere_lights();
@@ -81,7 +82,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Provides the records of the spheres that own a pixel or, if `by_force`, of all that may be
+    /// Provides the records of the spheres that have a pixel or, if `by_force`, of all that may be
     /// visible in the tile.
     pub(super) fn look_at_spheres(
         &self,
@@ -109,13 +110,13 @@ impl<E: Element> TileTracer<'_, E> {
                 *place = count as u32;
                 count += usize::from(*owns);
             }
-            // If none owns a pixel, all have index 0, and a record is made for it.
+            // If no sphere has a pixel, all have index 0, and one record is made for it.
             self.make_records(weighted, &owning[..count.max(1)], records);
         }
     }
 
-    /// The normal of a sphere of a tile at one of its pixels, by the same operations in the same
-    /// elements as in the kernel, which computes the normal divided by t.
+    /// The normal of a tile's sphere at one of its pixels, by the same operations in the same
+    /// element type as in the kernel, which computes the normal divided by t.
     pub(super) fn normal_of_sphere(
         &self,
         nearest: NearestAtPixel<E>,
