@@ -144,7 +144,7 @@ FUNC ISA %+ _ %+ %%precision %+ _around
 ENDFUNC
 %endmacro
 
-; AROUNDS - the functions of this file.
+; AROUNDS - the kernels for spheres around the camera, in f32 (`single`) and in f64 (`double`).
 %macro AROUNDS 0
     AROUND  single, 4
     AROUND  double, 8

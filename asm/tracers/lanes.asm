@@ -81,7 +81,8 @@
     VMOV_TO LANE_NEAREST, v4
 %endmacro
 
-; LANES_LIGHTS - begins the lights of an object at rdi, with no light in v3, v4, v5.
+; LANES_LIGHTS - begins the loop over the lights of the object at rdi: the sum of light in v3, v4, v5 (red, green,
+;                blue) is 0, r12 is the address of the object's first light, and r11 the end of its lights.
 %macro LANES_LIGHTS 1
 %define %%at %1         ; [in]       bytes of the record before them
     VZERO   v3
@@ -92,7 +93,7 @@
     add     r11, r12
 %endmacro
 
-; LANES_KEEP - the light in v3, v4, v5 is the colour of the lanes of the mask. Clobbers v6.
+; LANES_KEEP - makes the sum of light in v3, v4, v5 the colour of the lanes in the mask. Clobbers v6.
 %macro LANES_KEEP 0
 %assign %%channel 0
 %rep 3

@@ -147,7 +147,7 @@ align 16
 %%done:
 %endmacro
 
-; MEET - the function.
+; MEET - the kernel rayo_<isa>_meet, which the head of this file describes.
 %macro MEET 0
 FUNC ISA %+ _meet
     ENTER_OWNED 4 * TILE_WIDTH * TILE_HEIGHT / GROUP, VBYTES

@@ -182,7 +182,7 @@ fn is_read(output: &Path) -> Failure {
 }
 
 #[global_allocator]
-static MEMORY: memory::Memory = memory::Memory;
+static MEMORY: memory::Allocator = memory::Allocator;
 
 /// Runs the program with the arguments of this process.
 fn main() -> ExitCode {

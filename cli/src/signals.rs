@@ -66,11 +66,11 @@ fn start(heard: impl FnMut() + Send + 'static) -> io::Result<()> {
     ctrlc::set_handler(heard).map_err(io::Error::other)
 }
 
-/// From here on a write beyond the limit of a file's size is an error, as one to a full disk, and
-/// not a signal's end.
+/// After this call a write beyond the limit on a file's size (RLIMIT_FSIZE) fails with an error, as
+/// a write to a full disk does; without it, SIGXFSZ ends the process.
 pub fn survive_file_size_limit() {
     #[cfg(unix)]
-    // Whoever reads the flag will have the error; without the handler, the signal is what it would
-    // have been.
+    // Nobody reads the flag: the failed write itself reports the error. If the handler cannot be
+    // registered, the signal ends the process as before.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Default::default());
 }

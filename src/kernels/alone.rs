@@ -6,8 +6,8 @@ use std::marker::PhantomData;
 use super::isa::Isa;
 use super::kernel::{Kernel, kernel, reads, writes};
 use super::records::{
-    CasterEdges, LitSphere, ObjectLight, ShortLight, SphereArrays, SphereCaster, SpherePlanes, SphereView, TilePoint,
-    TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    CasterEdges, LightPosition, LitSphere, ObjectLight, ShortLight, SphereArrays, SphereCaster, SpherePlanes,
+    SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
 };
 
 /// A macro as a function of a record and of packets.
@@ -79,11 +79,11 @@ macro_rules! in_both {
             cross3_unfused: PhantomData<$e>, 6 => 3;
             dot3_unfused: PhantomData<$e>, 6 => 1;
             cosine: PhantomData<$e>, 2 => 1;
-            triangle_cosine: TilePoint<$e>, 5 => 1;
+            triangle_cosine: LightPosition<$e>, 5 => 1;
             normal_over_t: TileSphere<$e>, 2 => 3;
             sphere_cosine: ObjectLight<$e>, 4 => 1;
             around_normal: TileSphere<$e>, 4 => 3;
-            around_cosine: TilePoint<$e>, 7 => 1;
+            around_cosine: LightPosition<$e>, 7 => 1;
             short_cosine: ShortLight<$e>, 3 => 1;
             triangle_at: TrianglePlanes<$e>, 2 => 2;
             sphere_at: SpherePlanes<$e>, 2 => 2;

@@ -8,9 +8,9 @@ use std::io::{self, Write};
 #[cfg(not(target_os = "linux"))]
 use std::sync::OnceLock;
 
-/// The system's allocator. [`try_reserve`] returns an error; any other failed allocation ends the
-/// process.
-pub struct Memory;
+/// The program's global allocator, which is the system's. [`try_reserve`] returns an error; any
+/// other failed allocation ends the process with a message.
+pub struct Allocator;
 
 #[cfg(not(target_os = "linux"))]
 static LAST_WORK: OnceLock<fn()> = OnceLock::new();
@@ -95,7 +95,7 @@ fn end(bytes: usize) -> ! {
 }
 
 // SAFETY: the system's allocator is one, and all comes from there and goes back to it.
-unsafe impl GlobalAlloc for Memory {
+unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as the caller promises.
         or_end(unsafe { System.alloc(layout) }, layout.size())

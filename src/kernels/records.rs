@@ -130,17 +130,19 @@ include!(concat!(env!("OUT_DIR"), "/layout.rs"));
 
 pub const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 
-/// What is visible at the pixels of a tile, in its blocks' order.
+/// The visible points of a tile, pixel by pixel in the order of its blocks.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct TilePoints {
-    /// The point.
+    /// The coordinates of the points, relative to the camera.
     pub x: [f64; TILE_PIXELS],
     pub y: [f64; TILE_PIXELS],
     pub z: [f64; TILE_PIXELS],
-    /// The [number](super::shadows::own_number) of its object; below 0: of none.
+    /// The [number](super::shadows::own_number) of the object that a point is on; negative where
+    /// nothing is visible.
     pub own: [f32; TILE_PIXELS],
-    /// Where a light sees it, x and y, in cells of a side of its cube; no numbers beside that.
+    /// Where a light sees the points: x and y on a side of the cube around the light, in cells. NaN
+    /// for points that the light sees through another side.
     pub seen: [[f32; TILE_PIXELS]; 2],
 }
 
@@ -238,7 +240,7 @@ macro_rules! lit_row {
 lit_row! { start end j stop m a h0 q0 }
 
 /// The position of a light relative to the camera, and a 0.
-pub type TilePoint<E> = [E; 4];
+pub type LightPosition<E> = [E; 4];
 
 /// More elements than any register has.
 pub(super) const MOST_LANES: usize = 16;

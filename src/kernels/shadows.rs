@@ -261,7 +261,7 @@ const NO_BLOCKS: CasterBounds = CasterBounds {
 };
 
 impl CasterBounds {
-    /// Its fields that are compared, those of `Ends`.
+    /// The fields that [`Extent::ends`] yields, in the same order.
     fn ends(&mut self) -> [&mut [u32; BLOCK]; 5] {
         let CasterBounds { x, y, past_x, past_y, depth, .. } = self;
         [x, y, past_x, past_y, depth]

@@ -307,12 +307,14 @@ mod imp {
 
     /// Runs after every instruction: counts the one before, and clears the flag at the end.
     extern "C" fn on_trap(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
-        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t. Under a
-        // hypervisor one in millions comes without the bit that says it is of the flag, as
-        // TRAP_BRKPT, which `int3` is not.
+        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t. A single
+        // step comes as TRAP_TRACE, but under a hypervisor about one in a million comes as
+        // TRAP_BRKPT, since the bit that marks it as a single step is missing. An `int3` has
+        // another code than these two.
         if !unsafe { [libc::TRAP_TRACE, libc::TRAP_BRKPT].contains(&(*info).si_code) } {
-            // Somebody's breakpoint: what would have happened without us. SAFETY: both functions
-            // may be called in a handler, and the signal number is the one that came.
+            // Another SIGTRAP, such as that of a breakpoint: it has the effect that it would have
+            // without this handler. SAFETY: both functions may be called in a handler, and the
+            // signal number is the one that came.
             unsafe {
                 libc::signal(signal, libc::SIG_DFL);
                 libc::raise(signal);

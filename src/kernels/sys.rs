@@ -336,11 +336,11 @@ pub fn multiply_in_chain(rounds: u32) {
     }
 }
 
-/// Without a counter there is nothing to compare it with.
+/// Does nothing: without a time-stamp counter the core's own clock cannot be measured.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn multiply_in_chain(_rounds: u32) {}
 
-/// A slice in untouched pages: the first write to each is a page fault.
+/// A slice in new pages: the first write to each page causes a page fault.
 #[cfg(feature = "lab")]
 pub struct Fresh<T: Plain> {
     pages: memmap2::MmapMut,

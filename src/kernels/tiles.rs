@@ -6,9 +6,9 @@ use std::ops::Range;
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::objects::{ObjectList, TriangleList};
 use super::records::{
-    AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, MOST_LANES, NearestTask,
-    ObjectLight, PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
-    TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView,
+    AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, LightPosition, MOST_LANES,
+    NearestTask, ObjectLight, PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes,
+    SphereView, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, TileLight, TileRays, TileShade, TileSphere, TileView,
     Triangle, TriangleArrays, TrianglePlanes,
 };
 use super::types::Plain;
@@ -623,14 +623,15 @@ impl<E: Element> TileBuffers<E> {
         })
     }
 
-    /// Gives pixels to the last object of the tile where its 1/t, which is `near` or 0, is greater
-    /// than the pixel's, or equal and it comes first: `order` has each one's place in the scene.
+    /// Gives pixels to the last object of the tile, whose 1/t at each pixel is in `near`, 0 for a
+    /// miss: where it is greater than the pixel's 1/t, or equal and the object comes first in the
+    /// scene. `order` has the place in the scene of each object of the tile.
     fn keep_nearer(&mut self, near: &[E; TILE_PIXELS], order: &[u32]) {
         assert!(self.most < order.len(), "everyone has a place in the scene");
         let who = order.len() - 1;
         self.most = self.most.max(last_id(who, 1));
         let (own, mut ties) = (E::from_f64(who as f64), false);
-        // Without branches: in registers.
+        // Without branches, so that the compiler uses vector instructions.
         for ((near, there), there_who) in near.iter().zip(&mut self.tile.near).zip(&mut self.tile.who) {
             ties |= *near == *there;
             *there_who = if *near > *there { own } else { *there_who };
@@ -828,7 +829,7 @@ impl<E: Element> SphereRecords<E> {
 pub struct ShadingRecords<'a, E> {
     /// As many for each id of the tile, from 0, as there are lights; zeros for the spheres.
     pub shades: &'a [TileShade<E>],
-    pub lights: &'a [TilePoint<E>],
+    pub lights: &'a [LightPosition<E>],
     /// The indices of the records of the tile's spheres, which come before its triangles.
     pub sphere_ids: &'a [u32],
     /// The records of those that own a pixel.

@@ -109,15 +109,16 @@ omissions! {
     FloatImage: Arithmetic, "pixels", "float image", "the file has 8 bits: colours become levels in registers";
 }
 
-/// The set of omissions that are not made: work that is done although the picture does not need it.
+/// The omissions that are switched off: their work is done although the picture does not need it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Keep(u32);
 
 impl Keep {
-    /// The empty set: all omissions are made.
+    /// The empty set: every omission is made.
     pub const NOTHING: Keep = Keep(0);
 
-    /// All omissions without which the arithmetic is the same: brute force, with the same bytes.
+    /// All omissions that are switched by [`Switch::Work`], which change no arithmetic: brute
+    /// force, with the same bytes.
     pub fn all() -> Keep {
         let work = Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
         work.fold(Keep::NOTHING, Keep::and)

@@ -28,8 +28,8 @@ use super::omission::{Keep, Omission};
 use super::shadows::Shadows;
 use super::{PlanOptions, UnitRays, light, power_of_two, unit_rays};
 use crate::kernels::{
-    AroundSphere, Candidate, Element, Extremes, ObjectList, PacketKernels, PixelBounds, PointView, SphereView,
-    TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow, TriangleList,
+    AroundSphere, Candidate, Element, Extremes, LightPosition, ObjectList, PacketKernels, PixelBounds, PointView,
+    SphereView, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TileRays, TileView, TileWindow, TriangleList,
 };
 use crate::reference::geometry;
 use crate::scene::{Grid, MAX_SIDE, Scene, Sphere, Triangle};
@@ -64,7 +64,7 @@ pub struct Tiles<'a, E> {
     frame: Frame,
     keep: Keep,
     /// The positions of the lights; those too far for f32 are moved nearer.
-    points: Vec<TilePoint<E>>,
+    points: Vec<LightPosition<E>>,
     /// The same lights, where they are and with their radiance, for the set-up of spheres.
     sphere_lights: Vec<TileLight<f64>>,
     linear: Weighted,
@@ -102,7 +102,7 @@ struct Binned {
     extremes: Option<Extremes>,
 }
 
-/// The parts of set-up that depend on the value of white in the output.
+/// What set-up takes that depends on the value of white in the output: 1 for floats, 255 for bytes.
 pub struct Weighted {
     /// The lights for triangles, whose radiance is multiplied by white.
     pub lights: Vec<TileLight<f64>>,
@@ -388,16 +388,16 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// The positions of the lights, for shading.
-    pub fn points(&self) -> &[TilePoint<E>] {
+    pub fn points(&self) -> &[LightPosition<E>] {
         &self.points
     }
 
-    /// The weighted set-up for floats.
+    /// The lights and the view of spheres for output in floats, where white is 1.
     pub fn linear(&self) -> &Weighted {
         &self.linear
     }
 
-    /// The weighted set-up for bytes.
+    /// The lights and the view of spheres for output in bytes, where white is 255.
     pub fn levels(&self) -> &Weighted {
         &self.levels
     }

@@ -233,7 +233,7 @@ impl Cloud {
 /// Moves spheres, which are relative to an origin, to the camera's frame and tints them; None
 /// beyond f32.
 pub(super) fn placed(mut spheres: Vec<Sphere>, origin: DVec3, map: ToCamera, colour: Vec3) -> Option<Vec<Sphere>> {
-    let map = map.of_relative_to(origin);
+    let map = map.for_points_from(origin);
     for sphere in &mut spheres {
         sphere.centre = map.point(sphere.centre.as_dvec3()).as_vec3();
         sphere.colour *= colour;

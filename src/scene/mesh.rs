@@ -267,7 +267,7 @@ impl Mesh {
         self.paint_to(self.triangles.len(), Vec3::ONE);
         let Mesh { vertices, origin, triangles, mut colours, .. } = self;
         colours.iter_mut().for_each(|(_, of)| *of *= colour);
-        Faces::coloured(vertices, triangles, colours).moved(map.of_relative_to(origin)).ok()
+        Faces::coloured(vertices, triangles, colours).moved(map.for_points_from(origin)).ok()
     }
 
     /// The colour of a triangle, by its number.

@@ -127,15 +127,15 @@ impl Faces {
         }
     }
 
-    /// The numbers of those of no area.
+    /// The indices of the faces that have no area.
     fn without_area(&self) -> Vec<usize> {
         let mut doubtful = self.without_plain_area(PlainArea::WHERE_THEY_ARE);
         doubtful.retain(|face| has_no_area(self.corners_of(*face)));
         doubtful
     }
 
-    /// The numbers of those that do not have a plain area. Several are looked at together,
-    /// transposed: a register has one number of each.
+    /// The indices of the faces that do not pass [`PlainArea`]'s test. It runs on 16 faces at a
+    /// time, transposed, so that a register holds one coordinate of several faces.
     fn without_plain_area(&self, plain_area: PlainArea) -> Vec<usize> {
         const TOGETHER: usize = 16;
         let mut found = Vec::new();

@@ -83,7 +83,7 @@ const SPHERES: Kind = Kind { one: "sphere", many: "spheres", count: "the sphere 
 const TRIANGLES: Kind = Kind { one: "triangle", many: "triangles", count: "the triangle count", tokens: 12 };
 const COLOUR: [&str; 3] = ["red", "green", "blue"];
 const POSITION: [&str; 3] = ["x", "y", "z"];
-const VERTICES: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], ["x3", "y3", "z3"]];
+const VERTEX_FIELDS: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], ["x3", "y3", "z3"]];
 
 struct Parser<'a, 'b> {
     name: &'b str,
@@ -159,7 +159,7 @@ fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
             None => {
                 let colour = vector(parts, triangle, COLOUR, Rule::NotNegative)?;
                 let mut vertex = |names| vector(parts, triangle, names, Rule::Any);
-                let [a, b, c] = VERTICES;
+                let [a, b, c] = VERTEX_FIELDS;
                 Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] }
             }
         };

@@ -12,7 +12,7 @@ pub struct InvalidScene {
     pub field: String,
     /// The valid values.
     pub expected: &'static str,
-    /// Its value.
+    /// The invalid value.
     pub found: String,
 }
 

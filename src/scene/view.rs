@@ -50,8 +50,9 @@ impl ToCamera {
         ToCamera { linear, position: other.linear * (self.position - other.position) }
     }
 
-    /// The map from points relative to an origin, which is itself mapped by this one.
-    pub(super) fn of_relative_to(&self, origin: DVec3) -> ToCamera {
+    /// The map for points whose coordinates are relative to `origin`, a point of the world that
+    /// this map takes.
+    pub(super) fn for_points_from(&self, origin: DVec3) -> ToCamera {
         ToCamera { position: self.position - origin, ..*self }
     }
 

@@ -17,7 +17,7 @@ use rayo_lab::measure::statistics::Estimate;
 /// Its prose.
 pub(super) const EXPLANATION: &str = include_str!("explanation.md");
 
-fn counted(cores: usize) -> String {
+fn cores_in_words(cores: usize) -> String {
     if cores == 1 { "1 core".into() } else { format!("{cores} cores") }
 }
 
@@ -299,7 +299,7 @@ pub fn summary(document: &Experiment) -> String {
         {}, {}; noise floor {:.2} %\n",
         paper_mean_ratio(),
         document.machine.cpu(),
-        counted(document.machine.cores),
+        cores_in_words(document.machine.cores),
         100.0 * document.table.noise_floor,
     );
     if !document.conditions.complete {

@@ -62,8 +62,8 @@ pub trait Planes<L: Lanes> {
 
     /// Where an object may be, and its id in the tile.
     fn place(&self, of: &Self::Transposed, at: usize) -> PixelsAndId<L::Number>;
-    /// The values of its measure from which it may be hit, within rounding, and from which it
-    /// surely is.
+    /// Two limits of `measure`: below the first no ray hits the object, and from the second on
+    /// every ray surely does. Between them, rounding may decide.
     fn bounds(&self, at: usize) -> [L; 2];
     /// The function along a row of blocks, with pixels y from the tile's middle, which is at
     /// `middle` in the picture.

@@ -155,10 +155,11 @@ pub fn shade_rows<L: Lanes, P: Pixel, const GREY: bool>(
     }
 }
 
-/// The pixels of a row that see the sphere.
+/// Consecutive pixels of a row whose rays meet the sphere, with the row's constants from
+/// [`LitRows`].
 pub struct Span<'a, L: Lanes, const GREY: bool> {
     pub sphere: &'a LitSphere<L::Number>,
-    /// Of the first.
+    /// The column of the first pixel, counted from the sphere's own origin.
     pub j: L::Number,
     pub m: L,
     pub a: L,

@@ -1,7 +1,7 @@
 //! The pixels of a tile, each shaded once: asm/tracers/shade.asm.
 
 use super::super::records::{
-    Element, ObjectLight, ShortLight, TILE_HEIGHT, TILE_WIDTH, Tile, TilePoint, TileRays, TileShade, TileSphere,
+    Element, LightPosition, ObjectLight, ShortLight, TILE_HEIGHT, TILE_WIDTH, Tile, TileRays, TileShade, TileSphere,
 };
 use super::super::tiles::{ShadingRecords, TileOut, TileWindow};
 use super::super::types::Plain;
@@ -17,13 +17,13 @@ pub fn cosine<L: Lanes>(n: L, q: L) -> L {
 
 /// The vector from the hit to a light, divided by t: l w - d.
 #[inline(always)]
-fn to_light<L: Lanes>([x, y, z, _]: &TilePoint<L::Number>, w: L, d: [L; 3]) -> [L; 3] {
+fn to_light<L: Lanes>([x, y, z, _]: &LightPosition<L::Number>, w: L, d: [L; 3]) -> [L; 3] {
     zip([*x, *y, *z].each(L::all), d, |l, d| l.fms(w, d))
 }
 
 /// The cosine for n . (l - v): TRIANGLE_COSINE.
 #[inline(always)]
-pub fn triangle_cosine<L: Lanes>(n: L, w: L, ray: [L; 3], light: &TilePoint<L::Number>) -> L {
+pub fn triangle_cosine<L: Lanes>(n: L, w: L, ray: [L; 3], light: &LightPosition<L::Number>) -> L {
     let l = to_light(light, w, ray);
     cosine(n * w, dot(l, l))
 }
@@ -64,7 +64,7 @@ pub fn around_normal<L: Lanes>(sphere: &TileSphere<L::Number>, w: L, ray: [L; 3]
 
 /// The cosine for a unit normal and a light at a point: AROUND_COSINE.
 #[inline(always)]
-pub fn around_cosine<L: Lanes>(n: [L; 3], w: L, ray: [L; 3], light: &TilePoint<L::Number>) -> L {
+pub fn around_cosine<L: Lanes>(n: [L; 3], w: L, ray: [L; 3], light: &LightPosition<L::Number>) -> L {
     let l = to_light(light, w, ray);
     cosine(dot(n, l), dot(l, l))
 }
@@ -80,7 +80,7 @@ struct Block<L> {
 impl<L: Lanes> Block<L> {
     /// Adds the effect of all lights on triangles; `shade` gives that of one.
     #[inline(always)]
-    fn add_triangles(&self, lights: &[TilePoint<L::Number>], colour: &mut [L; 3], shade: impl Fn(usize) -> [L; 4]) {
+    fn add_triangles(&self, lights: &[LightPosition<L::Number>], colour: &mut [L; 3], shade: impl Fn(usize) -> [L; 4]) {
         for (number, light) in lights.iter().enumerate() {
             let [n, weights @ ..] = shade(number);
             add(colour, triangle_cosine(n, self.w, self.ray, light), weights);

@@ -302,8 +302,9 @@ fn within_bounds<L: Lanes<Number = f32>>([x, y]: [L; 2], bounds: &CasterBounds, 
     past_least.min(before_greatest).not_less(L::of(0.0))
 }
 
-/// Which objects each of the `asking` groups meets: if `points` are there, those that have an open
-/// one of them within.
+/// Lists the pairs of a group in `asking` and an object whose bounds meet the group's. With
+/// `points`, only those remain in which an open point of the group lies within the object's edges
+/// or bounds.
 pub fn meet<L: Lanes<Number = f32>>(
     points: Option<&TilePoints>,
     groups: &LitGroups,

@@ -120,7 +120,7 @@ struct Reader {
     made: Made,
     /// The atoms with places in fractions of the cell.
     in_cell: Vec<(Kind, DVec3)>,
-    cell: Cell,
+    cell: UnitCell,
     /// The number of atoms without a place.
     placeless: usize,
     has_ended: bool,
@@ -320,12 +320,12 @@ fn end_of_quoted(text: &[u8], quote: u8) -> usize {
 
 /// The cell of a crystal: lengths in ångströms and angles in degrees.
 #[derive(Default)]
-struct Cell {
+struct UnitCell {
     lengths: [Option<f64>; 3],
     angles: [Option<f64>; 3],
 }
 
-impl Cell {
+impl UnitCell {
     /// Takes the value of a tag, if it is one of the cell's.
     fn set(&mut self, tag: &str, value: &[u8]) {
         let Some(name) = tag.strip_prefix("_cell").and_then(|name| name.strip_prefix(['.', '_'])) else { return };

@@ -513,8 +513,8 @@ fn vertex_index(word: &str) -> Option<i64> {
 }
 
 /// Whether a line that ends in a backslash goes on in the next one. A comment does not, since it
-/// may end in the name of a folder of Windows; a name does not if the next line is clearly one of
-/// its own.
+/// may end in the name of a Windows folder; a name does not if the next line is empty or begins
+/// with a keyword.
 fn goes_on(line: &[u8], next: &[u8]) -> bool {
     let is_one_of =
         |keyword: &[u8], words: &str| words.split(' ').any(|it| keyword.eq_ignore_ascii_case(it.as_bytes()));
@@ -524,8 +524,8 @@ fn goes_on(line: &[u8], next: &[u8]) -> bool {
     !line.contains(&b'#') && (!is_name || !is_own)
 }
 
-/// Takes a line, joined with the next one after a backslash, without its end, and the number of
-/// lines; None if not all at hand.
+/// Takes a line without its end, joined with the next one after a backslash, and the number of
+/// lines it consisted of. None if its end is not in the buffer yet.
 fn joined<'a>(rest: &mut &'a [u8], ended: bool) -> Option<(Cow<'a, [u8]>, usize)> {
     let mut joined = Cow::Borrowed(&[][..]);
     for count in 1.. {
@@ -534,7 +534,8 @@ fn joined<'a>(rest: &mut &'a [u8], ended: bool) -> Option<(Cow<'a, [u8]>, usize)
         let end = end + usize::from(rest[..end].ends_with(b"\r") && rest[end..].starts_with(b"\n"));
         let line = rest.split_off(..end)?.trim_ascii_end();
         match line.strip_suffix(b"\\") {
-            // What follows has to be at hand to be judged.
+            // Whether the line goes on depends on the next one, which must be in the buffer as a
+            // whole.
             Some(_) if !ended && !rest.iter().any(|byte| is_line_end(*byte)) => return None,
             Some(begun) if !rest.is_empty() && goes_on(line, rest) => {
                 joined.to_mut().extend(begun);

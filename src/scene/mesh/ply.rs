@@ -123,7 +123,7 @@ impl Lines {
     ///
     /// A line with more numbers than an element has either begins the next one or has numbers that
     /// the header does not know: the latter where each of those left can have a line of its own.
-    fn after(self, words: &mut Words<'_>, left: usize) -> Result<Self, Stop> {
+    fn after_element(self, words: &mut Words<'_>, left: usize) -> Result<Self, Stop> {
         if matches!(self, Lines::None { .. }) || !words.has_more_in_line()? {
             return Ok(self);
         }
@@ -290,7 +290,7 @@ impl<R: Read> Elements<R> {
             within_a_line: self.lines == Lines::OneEach,
         };
         let read = self.record.read(fields, &mut words).and_then(|()| {
-            let lines = self.lines.after(&mut words, self.left - 1);
+            let lines = self.lines.after_element(&mut words, self.left - 1);
             lines.map_err(|stop| (stop, ""))
         });
         match read {

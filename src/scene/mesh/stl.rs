@@ -111,7 +111,8 @@ impl Corners {
         met.index
     }
 
-    /// The index of the vertex of a text, if it is one.
+    /// The index of the vertex with these coordinates, three words of a text file. None if a word
+    /// is not a finite number.
     fn vertex_of_words(&mut self, words: [&[u8]; 3]) -> Option<u32> {
         let [x, y, z] = words.map(Number::of_word);
         let (x, y, z) = (x?, y?, z?);

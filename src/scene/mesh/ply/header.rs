@@ -55,16 +55,16 @@ pub(super) enum Scalar {
     Double,
 }
 
-/// Types that programs write, but the library's grammar does not know, and one of the same length
-/// that it knows: it gets this in their place.
+/// Types that programs write but the library's grammar does not know. Each has a known type of the
+/// same length, which the library is given in its place.
 const OTHERS: [(&[u8], Scalar, &[u8]); 4] = [
     (b"int64", Scalar::Int64, b"double"),
     (b"uint64", Scalar::UInt64, b"double"),
     (b"float16", Scalar::Half, b"short"),
     (b"half", Scalar::Half, b"short"),
 ];
-/// The types that it knows.
-const TYPES: &str =
+/// The types that the library's grammar knows.
+const LIBRARY_TYPES: &str =
     "char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 float64";
 
 impl Scalar {
@@ -170,11 +170,11 @@ fn unknown_type(text: &[u8], line: usize) -> Option<MeshError> {
         [first, scalar, _] if first == "property" => vec![scalar],
         _ => return None,
     };
-    let unknown = types.into_iter().find(|word| !TYPES.split(' ').any(|known| known == word.as_ref()))?;
+    let unknown = types.into_iter().find(|word| !LIBRARY_TYPES.split(' ').any(|known| known == word.as_ref()))?;
     let others = OTHERS.map(|(name, ..)| String::from_utf8_lossy(name)).join(" ");
     Some(
         MeshError::new(format!("`{}` is no type of a property", brief(unknown)))
-            .expected(format!("one of {TYPES} {others}")),
+            .expected(format!("one of {LIBRARY_TYPES} {others}")),
     )
 }
 
