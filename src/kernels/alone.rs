@@ -1,5 +1,5 @@
-//! The functions of asm/ops/alone.asm: macros of the tracers by themselves, to be read by proofs
-//! and called.
+//! The functions of asm/ops/alone.asm: single macros of the tracers as functions, which proofs read
+//! and call.
 
 use std::marker::PhantomData;
 
@@ -10,17 +10,17 @@ use super::records::{
     SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
 };
 
-/// A macro as a function of a record and of packets.
+/// A macro as a function that takes a record and packets.
 pub struct Alone {
     pub name: &'static str,
     pub isa: Isa,
-    /// Bytes of an element: 4 or 8.
+    /// The bytes of an element: 4 or 8.
     pub element: usize,
-    /// Bytes of the record.
+    /// The bytes of the record.
     pub record: usize,
-    /// How many packets it takes.
+    /// How many packets the function takes.
     pub inputs: usize,
-    /// How many packets it writes.
+    /// How many packets the function writes.
     pub outputs: usize,
     kernel: Kernel<()>,
 }
@@ -34,30 +34,29 @@ impl Alone {
         self.kernel.address()
     }
 
-    /// Bytes of a packet.
+    /// The bytes of a packet.
     pub fn packet_bytes(&self) -> usize {
         4 * self.isa.lanes()
     }
 
-    /// Calls the function on the bytes of a record and of packets, and returns the bytes of its
+    /// Calls the function on the bytes of a record and of packets. Returns the bytes of its
     /// results.
     ///
     /// # Panics
-    /// If the CPU lacks its instructions, or if the lengths are not those of the record and the
-    /// packets.
+    /// If the CPU lacks the function's instructions, or if the record or the packets have another
+    /// length.
     pub fn call(&self, record: &[u8], a: &[u8]) -> Vec<u8> {
         assert!(self.isa.usable(), "the CPU lacks {}", self.isa.name());
         assert_eq!([record.len(), a.len()], [self.record, self.inputs * self.packet_bytes()], "{}", self.name);
         let mut out = vec![0; self.outputs * self.packet_bytes()];
-        // SAFETY: the function asks for no alignment, reads no more than the record and these
-        // packets, and writes the packets of its results; the CPU has its instructions, as
-        // asserted.
+        // SAFETY: the function requires no alignment, reads only the record and these packets, and
+        // writes only the packets of its results; the CPU has its instructions, as asserted.
         unsafe { self.kernel.enter([reads(record), reads(a), writes(&mut *out), 0, 0, 0]) };
         out
     }
 }
 
-/// The functions of a list, for one instruction set and one type of elements.
+/// Makes a list of functions for one instruction set and one element type.
 macro_rules! alone {
     ($prefix:literal, $isa:ident, $element:ty; $($name:ident: $record:ty, $inputs:literal => $outputs:literal;)*) => {
         &[$(Alone {
@@ -137,7 +136,7 @@ static ALONE: [&[Alone]; 12] = [
     in_double!("rayo_avx512_double", Avx512),
 ];
 
-/// All functions, whether this CPU has their instructions or not.
+/// All functions, whether or not this CPU has their instructions.
 pub fn alone() -> impl Iterator<Item = &'static Alone> {
     ALONE.into_iter().flatten()
 }

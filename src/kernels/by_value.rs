@@ -1,5 +1,5 @@
-//! The paper's C as small functions that take vectors by value, at each optimisation level: only to
-//! be counted.
+//! The paper's C as small functions that take vectors by value, at each optimisation level. They
+//! serve only to be counted.
 
 use super::isa::psabi_level;
 use super::types::{Light, PaperSphere, PaperTriangle, Vec4};
@@ -23,7 +23,7 @@ macro_rules! by_value {
         )*];
     };
     (@table {$($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) -> $out:ty;)*}) => {
-        /// The functions at one level.
+        /// The functions compiled at one optimisation level.
         pub struct ByValue {
             /// The level as build.rs names it: O0, O1, O2, O3, or native for -O3 -march=native.
             pub level: &'static str,
@@ -43,8 +43,8 @@ macro_rules! by_value {
             $($(#[$doc])*
             #[inline]
             pub fn $name(&self, $($arg: $type),*) -> $out {
-                // SAFETY: values, and references that prove their addresses; by_value() has checked
-                // the CPU.
+                // SAFETY: the arguments are values, and references that prove their addresses;
+                // by_value() has checked the CPU.
                 unsafe { (self.$name)($($arg),*) }
             })*
         }
@@ -80,14 +80,14 @@ by_value! {
         fn sphere(ray: Ray, sphere: &PaperSphere, t: &mut f32) -> bool;
         /// Whether the ray meets the triangle, and at which t.
         fn triangle(ray: Ray, triangle: &PaperTriangle, t: &mut f32) -> bool;
-        /// The light added at the point with that normal.
+        /// The light that `light` adds at a point with this normal.
         fn lambert(light: &Light, point: Vec4, normal: Vec4, colour: Vec4, two_sided: bool) -> Vec4;
     }
     "O0" "O1" "O2" "O3" "native"
 }
 
-/// The functions at a level. None if the CPU lacks the instructions they were compiled for, or if
-/// there is no such level, as in a build without C.
+/// The functions compiled at a level. None if the CPU lacks the instructions that they were
+/// compiled for, or if this build does not have the level.
 pub fn by_value(level: &str) -> Option<&'static ByValue> {
     let functions = LEVELS.iter().find(|functions| functions.level == level)?;
     (*functions.needs <= psabi_level()).then_some(functions)

@@ -1,13 +1,13 @@
-//! The sizes of the data caches, where the system reports them.
+//! The sizes of the data caches, if the system reports them.
 
 use serde::{Deserialize, Serialize};
 
 /// A data cache of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Cache {
-    /// 1 is the nearest.
+    /// The level; 1 is the nearest to the core.
     pub level: u32,
-    /// Its size.
+    /// The cache's size.
     pub bytes: usize,
 }
 

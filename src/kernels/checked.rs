@@ -1,5 +1,5 @@
-//! A kernel as the machine sees it, and checked calls, which test whether it keeps the calling
-//! convention.
+//! A kernel as machine code with the calling convention, and checked calls, which test whether it
+//! keeps that convention.
 
 use std::fmt;
 use std::sync::Mutex;
@@ -7,8 +7,8 @@ use std::sync::Mutex;
 use super::crash::{self, Crash};
 use super::isa::detected;
 
-/// Gives a type, a definition, or foreign declarations the convention of all kernels: System V's on
-/// x86-64, on every operating system, and that of C elsewhere.
+/// Gives a type, a definition or foreign declarations the calling convention of all kernels: System
+/// V's on x86-64, whatever the operating system, and C's elsewhere.
 #[cfg(target_arch = "x86_64")]
 macro_rules! convention {
     ($($of:tt)*) => { with_abi! { "sysv64" $($of)* } };
@@ -27,15 +27,16 @@ macro_rules! with_abi {
     };
 }
 
-/// The arguments of the convention: six registers. A kernel reads as many as its kind fills.
+/// The six argument registers of the convention. A kernel reads as many as its kind fills.
 pub(super) type Registers = [u64; 6];
 
-/// The address of a kernel. All are declared alike: filling more registers than a kernel reads, or
-/// reading a result that it does not return, does no harm, since the convention lets a callee leave
-/// anything in these.
+/// The address of a kernel. All kernels have this type: filling more registers than a kernel reads,
+/// or reading a result that it does not return, does no harm, since the convention lets a callee
+/// leave anything in these registers.
 pub(super) type Code = convention!(type(u64, u64, u64, u64, u64, u64) -> u64);
 
-/// A rule of the calling convention that a kernel broke, in the order of the bits in checked.asm.
+/// A rule of the calling convention that a kernel broke. The order is that of the bits in
+/// checked.asm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// Did not preserve rbx.
@@ -81,7 +82,7 @@ impl fmt::Display for Fault {
 }
 
 impl Fault {
-    /// Every one, by its bit.
+    /// All rules, in the order of their bits.
     pub const ALL: [Fault; 11] = {
         use Fault::*;
         [Rbx, Rbp, R12, R13, R14, R15, Rsp, Stack, Direction, Mxcsr, Upper]
@@ -93,7 +94,7 @@ convention! { foreign {
     fn rayo_checked_call(kernel: Code, registers: *mut Registers, vectors: u64, mxcsr: u64) -> u64;
 } }
 
-/// Calls cannot be checked here.
+/// Without assembly, calls cannot be checked.
 #[cfg(not(rayo_asm))]
 unsafe fn rayo_checked_call(_: Code, _: *mut Registers, _: u64, _: u64) -> u64 {
     unimplemented!("what checks calls is written in assembly, which this build lacks")
@@ -101,13 +102,13 @@ unsafe fn rayo_checked_call(_: Code, _: *mut Registers, _: u64, _: u64) -> u64 {
 
 #[cfg(not(all(rayo_asm, rayo_c)))]
 convention! {
-    /// Stands in for a kernel that this build lacks. No table that contains one is handed out.
+    /// Stands for a kernel that this build lacks. No table that contains it is handed out.
     fn absent(_: u64, _: u64, _: u64, _: u64, _: u64, _: u64) -> u64 {
         unimplemented!("this build lacks the kernel")
     }
 }
 
-/// The width of this CPU's vectors.
+/// The width of this CPU's vector registers, in bytes.
 pub(super) fn vector_bytes() -> u64 {
     if detected!("avx512f") {
         64
@@ -118,25 +119,25 @@ pub(super) fn vector_bytes() -> u64 {
     }
 }
 
-/// FTZ and DAZ of MXCSR: denormal results and operands are taken for 0.
+/// The bits FTZ and DAZ of MXCSR: subnormal results and operands are replaced by 0.
 const NO_DENORMALS: u64 = 0x8040;
 
 /// What a checked call of a kernel returned.
 pub(super) struct Returned {
     pub(super) result: u64,
-    /// The rules of the calling convention that it broke.
+    /// The rules of the calling convention that the kernel broke.
     pub(super) faults: Vec<Fault>,
 }
 
-/// Calls a kernel with junk in every register that it must preserve; returns its result, and the
-/// rules it broke. Denormal numbers may be switched off while the kernel runs, never for Rust code,
-/// whose compiler would not know.
+/// Calls a kernel with junk in every register that it must preserve. Returns its result, and the
+/// rules that it broke. Subnormal numbers may be switched off while the kernel runs, but never for
+/// Rust code, whose compiler assumes them.
 ///
 /// # Errors
 /// The crash of a kernel that did not return.
 ///
 /// # Safety
-/// `kernel` takes these registers, and everything that its own contract requires holds.
+/// `kernel` takes these registers, and everything that its contract requires holds.
 pub(super) unsafe fn call(
     kernel: Code,
     mut registers: Registers,
@@ -146,9 +147,9 @@ pub(super) unsafe fn call(
     let found = {
         let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let mxcsr = if without_denormals { NO_DENORMALS } else { 0 };
-        // SAFETY: the kernel and its registers by this function's contract; the width is that of
-        // this CPU; the bits unmask no exception; the statics of the harness are behind the lock,
-        // and the call is the one that they are of.
+        // SAFETY: the kernel and its registers are right by this function's contract; the width is
+        // that of this CPU; the bits of MXCSR unmask no exception. The lock guards the statics of
+        // the checking code, and the call is the one that `caught` requires.
         unsafe { crash::caught(|| rayo_checked_call(kernel, &mut registers, vector_bytes(), mxcsr)) }?
     };
     let faults = Fault::ALL.iter().enumerate().filter(|(bit, _)| found >> bit & 1 == 1).map(|(_, fault)| *fault);

@@ -1,27 +1,27 @@
-//! The machine code of this process, read in place.
+//! The machine code of this process, read where it lies in memory.
 
-/// The code from `address` to the end of its segment; None if no code of this crate's image, or of
-/// one that was loaded for good, is there.
+/// The code from `address` to the end of its segment. None if the address has no code of this
+/// crate's image or of an image that was loaded for good.
 ///
-/// The end of the function that begins there is not known.
+/// Where the function at `address` ends is not known.
 #[cfg(target_os = "linux")]
 pub fn code_at(address: usize) -> Option<&'static [u8]> {
     segment_at(address).and_then(|(segment, is_code)| is_code.then_some(segment))
 }
 
-/// Constants of this crate's image from `address` to the end of their segment; None if none are
-/// there.
+/// The constants of this crate's image from `address` to the end of their segment. None if the
+/// address has none.
 #[cfg(target_os = "linux")]
 pub fn constants_at(address: usize) -> Option<&'static [u8]> {
     segment_at(address).map(|(segment, _)| segment)
 }
 
-/// Images that were loaded for good, by what their addresses count from: their code may be read as
-/// this crate's is.
+/// The base addresses of images that were loaded for good, whose code may be read like this
+/// crate's.
 #[cfg(target_os = "linux")]
 static LOADED: std::sync::Mutex<Vec<usize>> = std::sync::Mutex::new(Vec::new());
 
-/// What the addresses of the image count from that was loaded from this file, never to be unloaded.
+/// The base address of the image that was loaded from `file`, and that is never unloaded.
 #[cfg(target_os = "linux")]
 pub(super) fn base_of(file: &std::ffi::CStr) -> Option<usize> {
     use std::ffi::{CStr, c_int, c_void};
@@ -35,7 +35,7 @@ pub(super) fn base_of(file: &std::ffi::CStr) -> Option<usize> {
         // SAFETY: dl_iterate_phdr passes a valid description, and the pointer that it was given
         // below.
         let (info, search) = unsafe { (&*info, &mut *search.cast::<Search<'_>>()) };
-        // SAFETY: a name that ends in 0, or null.
+        // SAFETY: the name is null or ends in 0.
         if !info.dlpi_name.is_null() && unsafe { CStr::from_ptr(info.dlpi_name) } == search.file {
             search.base = Some(info.dlpi_addr as usize);
         }
@@ -50,14 +50,14 @@ pub(super) fn base_of(file: &std::ffi::CStr) -> Option<usize> {
     Some(base)
 }
 
-/// What other images' addresses count from is not known here.
+/// The base addresses of other images are not known on this system.
 #[cfg(all(unix, not(target_os = "linux")))]
 pub(super) fn base_of(_: &std::ffi::CStr) -> Option<usize> {
     None
 }
 
-/// What nobody writes of this crate's image, from `address` to the end of its segment, and whether
-/// it is code.
+/// The memory of this crate's image from `address` to the end of its segment, if that is never
+/// written, and whether it is code.
 #[cfg(target_os = "linux")]
 fn segment_at(address: usize) -> Option<(&'static [u8], bool)> {
     use std::ffi::{c_int, c_void};
@@ -76,7 +76,7 @@ fn segment_at(address: usize) -> Option<(&'static [u8], bool)> {
         if info.dlpi_phdr.is_null() {
             return 0;
         }
-        // SAFETY: that many headers lie there.
+        // SAFETY: the image has this number of headers at this address.
         let headers = unsafe { std::slice::from_raw_parts(info.dlpi_phdr, info.dlpi_phnum.into()) };
         let addresses = |header: &libc::Elf64_Phdr| -> Range<usize> {
             let start = info.dlpi_addr as usize + header.p_vaddr as usize;
@@ -104,18 +104,18 @@ fn segment_at(address: usize) -> Option<(&'static [u8], bool)> {
     unsafe { libc::dl_iterate_phdr(Some(visit), (&raw mut search).cast()) };
     let (end, is_code) = search.found?;
     // SAFETY: both ends are in one segment that is mapped, readable, never written, and never
-    // unloaded while this function can run: its image has that segment, or one that is loaded for
-    // good.
+    // unloaded while this function can run: it belongs to the image of this function, or to one
+    // that was loaded for good.
     Some((unsafe { std::slice::from_raw_parts(address as *const u8, end - address) }, is_code))
 }
 
-/// The code from `address` on: not known here.
+/// The code from `address` on is not known on this system.
 #[cfg(not(target_os = "linux"))]
 pub fn code_at(_: usize) -> Option<&'static [u8]> {
     None
 }
 
-/// Constants from `address` on: not known here.
+/// The constants from `address` on are not known on this system.
 #[cfg(not(target_os = "linux"))]
 pub fn constants_at(_: usize) -> Option<&'static [u8]> {
     None

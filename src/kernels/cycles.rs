@@ -1,4 +1,4 @@
-//! Cycles of the time-stamp counter, where there is one, and its frequency.
+//! Cycles of the time-stamp counter, on machines that have one, and its frequency.
 
 #[cfg(target_arch = "x86_64")]
 use super::sys;
@@ -9,12 +9,12 @@ pub struct Cycles(u64);
 
 #[cfg(target_arch = "x86_64")]
 impl Cycles {
-    /// Whether there is a counter to read.
+    /// Whether the machine has a counter that can be read.
     pub const fn available() -> bool {
         true
     }
 
-    /// Now, before the timed work.
+    /// Reads the counter before timed work.
     #[inline]
     pub fn start() -> Self {
         Cycles(sys::tsc_start())
@@ -29,24 +29,24 @@ impl Cycles {
 
 #[cfg(not(target_arch = "x86_64"))]
 impl Cycles {
-    /// Whether there is a counter to read.
+    /// Whether the machine has a counter that can be read.
     pub const fn available() -> bool {
         false
     }
 
-    /// Without a counter: nothing.
+    /// Does nothing, since there is no counter.
     pub fn start() -> Self {
         Cycles(0)
     }
 
-    /// Without a counter: 0.
+    /// Returns 0, since there is no counter.
     pub fn stop(self) -> u64 {
         self.0
     }
 }
 
-/// The ticks of the counter per second, measured against the operating system's clock for a
-/// twentieth of a second.
+/// The counter's ticks per second, measured against the operating system's clock for a twentieth of
+/// a second.
 pub fn tsc_hz() -> Option<f64> {
     use std::time::{Duration, Instant};
     if !Cycles::available() {

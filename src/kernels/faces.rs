@@ -8,25 +8,26 @@ use super::records::{FACE_BYTES, Triangle};
 
 const _: () = assert!(size_of::<[u32; 3]>() == FACE_BYTES && size_of::<Vec3>() == FACE_BYTES);
 
-/// The index one past a run of consecutive faces of one colour, and that colour.
+/// The end of a run of consecutive faces with the same colour, which is the index after its last
+/// face, and the colour.
 pub type ColourRun = (usize, Vec3);
 
-/// Triangles that share their corners: each has the indices of three vertices, from 0. Kernels rely
-/// on all being in range.
+/// Triangles that share their corners: each has the indices, from 0, of three vertices. Kernels
+/// rely on all indices being in range.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faces {
-    /// One more follows the last of them, since kernels read 4 bytes past it; but empty if there
-    /// are no faces.
+    /// The vertices, followed by one of padding, since kernels read 4 bytes beyond the last one.
+    /// Empty if there are no faces.
     vertices: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
     colours: Vec<ColourRun>,
 }
 
 impl Faces {
-    /// The most vertices allowed.
+    /// The number of vertices that is allowed.
     pub const MOST_VERTICES: usize = i32::MAX as usize;
 
-    /// Faces of one colour.
+    /// Faces that all have the same colour.
     ///
     /// # Panics
     /// If an index is out of range, or if there are too many vertices.
@@ -35,10 +36,10 @@ impl Faces {
         Self::coloured(vertices, corners, all)
     }
 
-    /// Faces of several colours, in runs that follow one another up to the last face.
+    /// Faces of several colours. The runs follow one another up to the last face.
     ///
     /// # Panics
-    /// As [`new`](Self::new), and if the runs do not.
+    /// As [`new`](Self::new), and if the runs do not end with the last face.
     pub fn coloured(mut vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, colours: Vec<ColourRun>) -> Self {
         let Some(most) = corners.as_flattened().iter().copied().reduce(u32::max) else { return Faces::default() };
         assert!((most as usize) < vertices.len(), "vertex {most} of {}", vertices.len());
@@ -51,8 +52,8 @@ impl Faces {
         Faces { vertices, colours, corners }
     }
 
-    /// Appends the faces of `other`, unless there would be too many vertices: then these stay
-    /// unchanged.
+    /// Appends the faces of `other`. Returns false, and changes nothing, if there would be too many
+    /// vertices.
     #[must_use]
     pub fn append(&mut self, mut other: Faces) -> bool {
         let (before, vertices) = (self.corners.len(), self.vertices().len());
@@ -72,17 +73,17 @@ impl Faces {
         true
     }
 
-    /// How many there are.
+    /// The number of faces.
     pub fn len(&self) -> usize {
         self.corners.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no faces.
     pub fn is_empty(&self) -> bool {
         self.corners.is_empty()
     }
 
-    /// The vertices.
+    /// The vertices, without the padding.
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices[..self.vertices.len().saturating_sub(1)]
     }
@@ -98,16 +99,16 @@ impl Faces {
         &self.corners
     }
 
-    /// Moves the third corner of a face onto its first, so that it has no area.
+    /// Moves the third corner of a face to its first, so that the face has no area.
     pub fn collapse(&mut self, face: usize) {
         let [first, _, third] = &mut self.corners[face];
         *third = *first;
     }
 
-    /// Gives a face the corners that it has in `others`.
+    /// Gives a face the corner indices that it has in `others`.
     ///
     /// # Panics
-    /// If these have other vertices.
+    /// If `others` does not have the same number of vertices.
     pub fn take_corners(&mut self, others: &Faces, face: usize) {
         assert_eq!(self.vertices.len(), others.vertices.len(), "other vertices");
         self.corners[face] = others.corners[face];
@@ -123,12 +124,12 @@ impl Faces {
         Triangle { colour: run_of_colour(&self.colours, face).colour, vertices: self.corners_of(face) }
     }
 
-    /// All of them as triangles.
+    /// All faces as triangles.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Triangle> + Clone {
         (0..self.len()).map(|face| self.get(face))
     }
 
-    /// The vertices, with the padding after them.
+    /// The vertices, followed by the one of padding.
     pub(super) fn padded_vertices(&self) -> &[Vec3] {
         &self.vertices
     }
@@ -137,19 +138,19 @@ impl Faces {
         &self.colours
     }
 
-    /// Its corners.
+    /// The corners of a face.
     pub fn corners_of(&self, face: usize) -> [Vec3; 3] {
         self.corners[face].map(|corner| self.vertices[corner as usize])
     }
 }
 
-/// Faces of the same colour that follow each other.
+/// A run of consecutive faces with the same colour.
 pub(super) struct FacesOfColour {
     pub(super) faces: Range<usize>,
     pub(super) colour: Vec3,
 }
 
-/// The run of a face.
+/// The run that contains a face.
 pub(super) fn run_of_colour(colours: &[ColourRun], face: usize) -> FacesOfColour {
     let run = colours.partition_point(|(end, _)| *end <= face);
     let (end, colour) = colours[run];

@@ -1,6 +1,7 @@
-//! Memory between guard pages: for an argument, or for all that a thread of a test allocates.
+//! Memory between guard pages: for an argument, or for everything that a thread of a test
+//! allocates.
 //!
-//! A kernel that reads or writes beside its arguments faults at once.
+//! A kernel that reads or writes beyond its arguments faults at once.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -8,12 +9,12 @@ use std::io;
 use std::ptr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The place of a guard page.
+/// Which end of the memory a guard page is at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Right before the first byte.
+    /// Directly before the first byte.
     Before,
-    /// Right after the last, but for what the alignment asks.
+    /// Directly after the last byte, up to the alignment of the memory.
     After,
 }
 
@@ -21,30 +22,29 @@ impl Side {
     pub const ALL: [Side; 2] = [Side::Before, Side::After];
 }
 
-/// A multiple of every system's pages.
+/// A multiple of the page size of every system.
 const PAGE: usize = 1 << 16;
-/// Fenced blocks lie from here on, where nothing else does (AddressSanitizer's shadow ends before),
-/// one after the other and never in the place of another.
+/// The address from which fenced blocks are placed. Nothing else is there (AddressSanitizer's
+/// shadow ends below it). Blocks are placed one after the other, and no address is used twice.
 const FIRST: usize = 0x2000_0000_0000;
 static NEXT: AtomicUsize = AtomicUsize::new(FIRST);
 
-/// The pages that a block has between its fences.
+/// The number of bytes, in whole pages, that a block has between its guard pages.
 fn inside(layout: Layout) -> usize {
     layout.size().next_multiple_of(PAGE)
 }
 
-/// A new block of zeros next to a guard page, or null if the system has no memory for it.
+/// Maps a new block of zeros next to a guard page; null if the system has no memory for it.
 fn map(layout: Layout, side: Side) -> *mut u8 {
     let (inside, flags) = (inside(layout), libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
     let start = ptr::without_provenance_mut(NEXT.fetch_add(inside + 2 * PAGE, Ordering::Relaxed));
-    // SAFETY: a new mapping, which takes nothing from anybody: without MAP_FIXED the place is no
-    // more than a wish.
+    // SAFETY: a new mapping, which replaces no other: without MAP_FIXED the address is only a hint.
     let mapping = unsafe { libc::mmap(start, inside + 2 * PAGE, libc::PROT_NONE, flags, -1, 0) };
     if mapping != start {
         return ptr::null_mut();
     }
     let first = mapping.cast::<u8>().wrapping_add(PAGE);
-    // SAFETY: the pages between the two fences.
+    // SAFETY: these are the pages between the two guard pages.
     if unsafe { libc::mprotect(first.cast(), inside, libc::PROT_READ | libc::PROT_WRITE) } != 0 {
         return ptr::null_mut();
     }
@@ -52,39 +52,40 @@ fn map(layout: Layout, side: Side) -> *mut u8 {
     first.wrapping_add(skipped)
 }
 
-/// Gives back a block of [`map`].
+/// Unmaps a block that [`map`] returned.
 ///
 /// # Safety
-/// `block` and `layout` are those of a block that nobody uses any more.
+/// `block` and `layout` belong to a block that nobody uses any more.
 unsafe fn unmap(block: *mut u8, layout: Layout) {
     let within = block.addr() % PAGE + PAGE;
-    // SAFETY: the mapping that map() made: one page before its first page is a fence.
+    // SAFETY: the mapping that map() made, which begins with a guard page before the block's first
+    // page.
     unsafe { libc::munmap(block.wrapping_sub(within).cast(), inside(layout) + 2 * PAGE) };
 }
 
-/// An argument between guard pages. Of the pages that it lies in, what is beside it has a pattern,
-/// so that a write there shows even where no guard page is.
+/// An argument between guard pages. The other bytes of its pages hold a pattern, so that a write
+/// beside it is noticed even where it does not reach a guard page.
 pub struct Fenced {
     block: *mut u8,
-    /// Of no bytes: one byte.
+    /// The layout of the block; an argument without bytes has a block of one byte.
     layout: Layout,
     len: usize,
 }
 
 impl Fenced {
-    /// The byte beside an argument.
+    /// The value of the bytes beside an argument.
     const PATTERN: u8 = 0xa5;
-    /// How far beside an argument is looked.
+    /// How many bytes on either side of an argument are inspected.
     const LOOK: usize = 1024;
 
-    /// A copy of `bytes` next to a guard page on that side; of no bytes, the first address of a
-    /// guard page.
+    /// A copy of `bytes` next to a guard page on that side. Without bytes, the address is the first
+    /// of a guard page.
     ///
     /// # Errors
-    /// If the system has no memory for it.
+    /// If the system has no memory for the block.
     ///
     /// # Panics
-    /// If `align` is no power of two.
+    /// If `align` is not a power of two.
     pub fn new(bytes: &[u8], align: usize, side: Side) -> io::Result<Self> {
         let layout = Layout::from_size_align(bytes.len().max(1), align).expect("an alignment, and a size below 2^63");
         let block = map(layout, side);
@@ -93,20 +94,21 @@ impl Fenced {
         }
         let fenced = Fenced { block, layout, len: bytes.len() };
         let (start, pages) = (fenced.pages(), inside(layout));
-        // SAFETY: the pages of the block, which are mapped and nobody else's, and the argument
+        // SAFETY: the pages of the block are mapped and belong to nobody else; the argument is
         // within them.
         unsafe {
             ptr::write_bytes(start, Self::PATTERN, pages);
             ptr::copy_nonoverlapping(bytes.as_ptr(), block, bytes.len());
         }
         if bytes.is_empty() {
-            // SAFETY: its own pages, which become a guard page from the first byte on.
+            // SAFETY: these are the block's own pages, which become guard pages from the first byte
+            // on.
             unsafe { libc::mprotect(start.cast(), pages, libc::PROT_NONE) };
         }
         Ok(fenced)
     }
 
-    /// How many bytes it has.
+    /// The number of bytes of the argument.
     pub fn len(&self) -> usize {
         self.len
     }
@@ -115,28 +117,28 @@ impl Fenced {
         self.len == 0
     }
 
-    /// Where its pages begin.
+    /// The address of the first page of the block.
     fn pages(&self) -> *mut u8 {
         self.block.wrapping_sub(self.block.addr() % PAGE)
     }
 
-    /// The address of its first byte.
+    /// The address of the argument's first byte.
     pub fn address(&self) -> usize {
         self.block.expose_provenance()
     }
 
-    /// Its first `count` bytes as they are now.
+    /// The argument's first `count` bytes, as they are now.
     ///
     /// # Panics
-    /// If it has fewer.
+    /// If the argument has fewer bytes.
     pub fn bytes(&self, count: usize) -> Vec<u8> {
         assert!(count <= self.layout.size());
-        // SAFETY: they are within the block, and whatever is written there are bytes.
+        // SAFETY: the bytes are within the block, and any value is valid for them.
         (0..count).map(|index| unsafe { self.block.add(index).read_volatile() }).collect()
     }
 
-    /// The place of the first byte beside it that was written, by its distance from its own first
-    /// byte: of those that are less than [`Fenced::LOOK`] bytes away.
+    /// Finds a byte beside the argument that was written, less than [`Fenced::LOOK`] bytes away.
+    /// Returns its offset from the argument's first byte.
     pub fn spoiled(&self) -> Option<isize> {
         if self.is_empty() {
             return None;
@@ -145,7 +147,7 @@ impl Fenced {
         let pages = self.pages();
         let before = start.saturating_sub(Self::LOOK)..start;
         let after = start + size..inside(self.layout).min(start + size + Self::LOOK);
-        // SAFETY: all are within its pages.
+        // SAFETY: all these bytes are within the block's pages.
         let is_spoiled = |index: &usize| unsafe { pages.add(*index).read_volatile() } != Self::PATTERN;
         before.chain(after).find(is_spoiled).map(|index| index as isize - start as isize)
     }
@@ -153,7 +155,7 @@ impl Fenced {
 
 impl Drop for Fenced {
     fn drop(&mut self) {
-        // SAFETY: its own block, which ends here.
+        // SAFETY: the block belongs to this value, whose life ends here.
         unsafe { unmap(self.block, self.layout) };
     }
 }
@@ -162,16 +164,15 @@ thread_local! {
     static SIDE: Cell<Option<Side>> = const { Cell::new(None) };
 }
 
-/// An allocator that puts guard pages next to what a thread allocates, where it asks for that: for
-/// tests.
+/// An allocator for tests. It puts guard pages next to what a thread allocates within [`within`].
 pub struct Fences;
 
-// SAFETY: a fenced block has a mapping of its own, aligned as a page is; it is known by its
-// address, and all others are `System`'s. Nothing here allocates.
+// SAFETY: a fenced block has a mapping of its own, aligned to a page, and is recognised by its
+// address. All other blocks are `System`'s. Nothing here allocates.
 unsafe impl GlobalAlloc for Fences {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         match SIDE.get() {
-            // SAFETY: as for the impl.
+            // SAFETY: as for the impl: the caller keeps the contract of `alloc`.
             None => unsafe { System.alloc(layout) },
             Some(side) => map(layout, side),
         }
@@ -179,18 +180,18 @@ unsafe impl GlobalAlloc for Fences {
 
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
         if block.addr() < FIRST || block.addr() >= NEXT.load(Ordering::Relaxed) {
-            // SAFETY: as for the impl.
+            // SAFETY: as for the impl: the caller keeps the contract of `dealloc`.
             return unsafe { System.dealloc(block, layout) };
         }
-        // SAFETY: a block of map(), by its address.
+        // SAFETY: by its address, it is a block of map().
         unsafe { unmap(block, layout) };
     }
 }
 
-/// Does something, with all that this thread allocates by [`Fences`] next to a guard page on that
-/// side.
+/// Runs `work`. Everything that this thread allocates in it by [`Fences`] is next to a guard page
+/// on that side.
 pub fn within<R>(side: Side, work: impl FnOnce() -> R) -> R {
-    /// Restores the setting, after a panic too.
+    /// Restores the previous setting, also after a panic.
     struct Restore(Option<Side>);
     impl Drop for Restore {
         fn drop(&mut self) {

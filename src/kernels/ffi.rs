@@ -1,4 +1,4 @@
-//! The list of all kernels: a line for each makes its foreign declaration, its place in a table,
+//! The list of all kernels. A line for each gives its foreign declaration, its position in a table,
 //! and its symbol.
 
 use std::collections::BTreeSet;
@@ -16,10 +16,11 @@ use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, Sphere
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, PacketChains, PacketOp, PacketOpCode, Shape};
 
-/// Declares tables of kernels, and macros of the same names that make one. Such a macro takes the
-/// prefix of all symbols, the suffix of those with estimates, the name of those for equal channels,
-/// the lanes of a packet, and whether products and sums are fused. After a name, `fast` adds the
-/// suffix, `grey` is that name, or another table follows.
+/// Declares tables of kernels, and for each table a macro of the same name that makes one. Such a
+/// macro takes the prefix of all symbols, the suffix of symbols of kernels with estimates, the name
+/// of kernels for equal channels, the lanes of a packet, and whether products and sums are fused.
+/// After a name in a table, `fast` adds the suffix for estimates, `grey` inserts the name for equal
+/// channels, and the name of a table nests that table.
 macro_rules! tables {
     ($d:tt $(
         $(#[$doc:meta])*
@@ -31,9 +32,9 @@ macro_rules! tables {
         #[derive(Clone, Copy)]
         pub struct $table $(<$parameter: $bound>)? {
             $(
-                /// Rays in lockstep.
+                /// The number of rays in lockstep.
                 pub $lanes: usize,
-                /// Whether a product and a sum are rounded only once.
+                /// Whether a product and its sum are rounded together, only once.
                 pub fused: bool,
             )?
             $($(#[$field_doc])* pub $field: $type,)*
@@ -75,14 +76,14 @@ macro_rules! tables {
 }
 
 tables! { $
-    /// The kernels of a sphere seen from outside under one light, for all outputs. The light does
-    /// not exceed white.
+    /// The kernels that render a sphere under one light, seen from outside, for all outputs. The
+    /// light is not brighter than white.
     struct LitBodies<E: Element> {
-        /// To linear floats.
+        /// Writes linear floats.
         f32x4: ShadeRows<E, Vec4> = "_f32x4";
-        /// The same with estimates (in f64: as `f32x4`).
+        /// Writes linear floats with estimates of roots (in f64 without: as `f32x4`).
         f32x4_fast: ShadeRows<E, Vec4> = "_f32x4" fast;
-        /// To 8-bit levels (with estimates if they are accurate enough).
+        /// Writes 8-bit levels (with estimates of roots if these are accurate enough).
         rgba8: ShadeRows<E, Rgba8> = "_rgba8";
     }
 
@@ -92,7 +93,7 @@ tables! { $
         set_up: SetUp<E> = "set_up";
         /// Finds the nearest triangles.
         nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
-        /// Finds the nearest wall of a sphere around the camera or beside it.
+        /// Finds the nearest wall of a sphere that contains the camera or is beside it.
         around: Around<E> = "around";
         /// Sets up spheres as planes.
         sphere_set_up: SphereSetUp<E> = "sphere_set_up";
@@ -100,56 +101,56 @@ tables! { $
         nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
         /// Makes the shading records of spheres.
         sphere_shading: SphereShading<E> = "sphere_shading";
-        /// Finds the visible points, whose lights may be hidden.
+        /// Finds the visible points, from which shadows are cast.
         points: Points<E> = "points";
-        /// To linear floats.
+        /// Shades to linear floats.
         f32x4: ShadeTile<E, Vec4> = "tile_f32x4";
-        /// The same with estimates (in f64: as `f32x4`).
+        /// Shades to linear floats with estimates of roots (in f64 without: as `f32x4`).
         f32x4_fast: ShadeTile<E, Vec4> = "tile_f32x4" fast;
-        /// To 8-bit levels (in f32: with estimates).
+        /// Shades to 8-bit levels (in f32 with estimates of roots).
         rgba8: ShadeTile<E, Rgba8> = "tile_rgba8";
     }
 
     /// All packet kernels of an ISA for one element type.
     struct ElementKernels<E: Element> [lanes] {
-        /// The rows of a sphere seen from outside under one light, for the short form.
+        /// Finds the rows of a sphere under one light, seen from outside, for `lit` and `grey`.
         lit_rows: RowSetup<E> = "lit_rows";
-        /// Shades such rows.
+        /// Renders these rows.
         lit: LitBodies<E> = "lit" LitBodies;
-        /// The same if the three weights are equal (in f64: as `lit`).
+        /// Renders these rows if the light's three weights are equal (in f64: as `lit`).
         grey: LitBodies<E> = "" grey;
-        /// All other scenes, tile by tile.
+        /// Kernels for all other scenes, tile by tile.
         tiles: TileKernels<E> = "" TileKernels;
     }
 
     /// All packet kernels of an ISA.
     struct PacketKernels {
-        /// On f32.
+        /// Kernels on f32.
         single: ElementKernels<f32> = "single_" single;
-        /// On f64.
+        /// Kernels on f64.
         double: ElementKernels<f64> = "double_" double;
-        /// From four bytes a pixel to three.
+        /// Converts pixels of four bytes to three.
         narrow_rgb8: Narrow<Rgba8, Rgb8> = "narrow_rgb8";
-        /// From four floats a pixel to three.
+        /// Converts pixels of four floats to three.
         narrow_f32x3: Narrow<Vec4, F32x3> = "narrow_f32x3";
         bounds: Bounds<Triangle> = "bounds";
         sphere_bounds: Bounds<Sphere> = "sphere_bounds";
         /// Partitions the objects of a tile into nearer and farther ones.
         nearer_half: NearerHalf = "nearer_half";
-        /// How a light sees the points of a tile.
+        /// Finds where a light sees the points of a tile.
         seen: Seen = "seen";
-        /// How it sees triangles.
+        /// Finds where a light sees triangles.
         cast: Cast = "cast";
-        /// Which objects may hide it from points.
+        /// Finds the objects that may hide a light from points.
         meet: Meet = "meet";
-        /// Which points triangles hide from it.
+        /// Finds the points that triangles hide from a light.
         triangle_casters: Casters<TriangleCaster<f64>> = "triangle_casters";
-        /// Which points spheres hide from it.
+        /// Finds the points that spheres hide from a light.
         sphere_casters: Casters<SphereCaster<f64>> = "sphere_casters";
     }
 }
 
-/// By [`Isa`], with the lanes of f32.
+/// The packet kernels of each [`Isa`], with the number of lanes in f32.
 pub(super) static PACKETS: [PacketKernels; Isa::ALL.len()] = [
     PacketKernels!("rayo_sse41_", "", "", (4, false)),
     PacketKernels!("rayo_avx2_", "", "", (8, true)),
@@ -161,7 +162,7 @@ pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {
     isa.usable().then(|| &PACKETS[isa as usize])
 }
 
-/// The symbols of all packet kernels in this build, whether this CPU supports them or not.
+/// The symbols of all packet kernels in this build, whether or not this CPU supports them.
 pub fn packet_symbols() -> BTreeSet<&'static str> {
     PACKETS.iter().flat_map(PacketKernels::symbols).collect()
 }
@@ -171,18 +172,18 @@ const fn numbers<R>() -> usize {
     size_of::<R>() / size_of::<f32>()
 }
 
-/// Declares the table of kernels that hold one vector in one register, and macros that make one,
-/// and tables of the operations on packets and of chains, from their symbols' prefix.
+/// Declares the table of kernels that hold one vector in one register, tables of the operations on
+/// packets, tables of chains, and macros that make such tables from the prefix of their symbols.
 macro_rules! operations {
     ($d:tt $(
         $(#[$doc:meta])*
         $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty $(, packets of $numbers:literal, $record:expr => $results:literal)?;
     )*) => {
-        /// Kernels that hold one vector in one register: the paper's operations, its intersections,
-        /// its tracer.
+        /// Kernels that hold one vector in one register: the paper's operations, intersections and
+        /// tracer.
         pub struct AosKernels {
             $($(#[$doc])* pub $name: Op<$a, $b, $out>,)*
-            /// Algorithm 1: rows of four floats a pixel.
+            /// Algorithm 1 over whole rows of pixels of four floats.
             pub trace: Trace,
         }
 
@@ -192,17 +193,17 @@ macro_rules! operations {
                 [$((stringify!($name), OpRef::$kind(self.$name))),*].into_iter()
             }
 
-            /// The symbol and the address of each of its functions.
+            /// The symbol and the address of each function in the table.
             pub fn functions(&self) -> impl Iterator<Item = (&'static str, usize)> {
                 let trace = (self.trace.symbol(), self.trace.address());
                 [$((self.$name.symbol(), self.$name.address()),)* trace].into_iter()
             }
         }
 
-        /// Every operation, by name.
+        /// The names of all operations.
         pub const ALL_OPERATIONS: [&str; [$(stringify!($name)),*].len()] = [$(stringify!($name)),*];
 
-        /// The operations that packets have too, by name.
+        /// The names of the operations that exist on packets too.
         pub const OPERATIONS: [&str; [$($($numbers,)?)*].len()] = [$($(operations!(@name $name $numbers),)?)*];
 
         macro_rules! aos_kernels {
@@ -214,7 +215,7 @@ macro_rules! operations {
             };
         }
 
-        /// From the lanes of a packet too.
+        /// Makes a table of operations on packets, from the prefix and the lanes of a packet.
         macro_rules! packet_ops {
             ($d prefix:literal, $d lanes:literal) => {
                 [$($(PacketOp {
@@ -226,7 +227,7 @@ macro_rules! operations {
             };
         }
 
-        /// Chains of the operations on packets.
+        /// Makes a table of chains of operations on packets.
         macro_rules! chains_of_packet_ops {
             ($d prefix:literal) => {
                 [$($(Chains {
@@ -237,7 +238,7 @@ macro_rules! operations {
             };
         }
 
-        /// Chains of all operations on single vectors.
+        /// Makes a table of chains of operations on single vectors.
         macro_rules! chains_of_aos_ops {
             ($d prefix:literal) => {
                 [$(Chains {
@@ -251,8 +252,8 @@ macro_rules! operations {
     (@name $name:ident $numbers:literal) => { stringify!($name) };
 }
 
-// After the kind of an operation: the elements of b in a packet for each vector, and of its record;
-// and the elements of the result for each vector.
+// The numbers after `packets of` and the arrow: per vector of a packet the elements of b, then the
+// elements of b's record, and per vector the elements of the result.
 operations! { $
     /// a + b.
     add: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
@@ -268,15 +269,15 @@ operations! { $
     cross: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
     /// a / ||a||; b is not read.
     normalise: Vector(Vec4, Vec4) -> Vec4, packets of 0, 0 => 3;
-    /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none:
-    /// eq. 5.
+    /// The smallest t > 0 at which the ray a from the origin meets the sphere b; infinity for a
+    /// miss: eq. 5.
     sphere: Sphere(Vec4, PaperSphere) -> f32, packets of 0, numbers::<SphereHit<f32>>() => 1;
-    /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6,
-    /// 9, 10.
+    /// The t > 0 at which the ray a from the origin meets the triangle b; infinity for a miss: eq.
+    /// 6, 9, 10.
     triangle: Triangle(Vec4, PaperTriangle) -> f32, packets of 0, numbers::<TriangleHit<f32>>() => 1;
     /// The light that b adds to the surface a on the side of its normal: eq. 11.
     lambert: Lambert(Surface, Light) -> Vec4, packets of 0, numbers::<ObjectLight<f32>>() => 3;
-    /// The same for a two-sided surface.
+    /// The light that b adds to the two-sided surface a.
     lambert2: Lambert(Surface, Light) -> Vec4;
 }
 
@@ -291,28 +292,29 @@ pub fn c() -> Option<&'static AosKernels> {
     cfg!(rayo_c).then_some(&C)
 }
 
-/// The paper's macros, in the forms that the paper counts. None if the CPU lacks SSE4.1.
+/// The paper's macros, in the forms whose instructions the paper counts. None if the CPU lacks
+/// SSE4.1.
 pub fn paper() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&PAPER)
 }
 
-/// The same kernels with the best forms of dot, norm and cross that we know. None if the CPU lacks
-/// SSE4.1.
+/// The paper's macros, with the best forms of dot, norm and cross that we know. None if the CPU
+/// lacks SSE4.1.
 pub fn aos() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&AOS)
 }
 
-/// The surfaces that the tracer of [`c()`] hits. None if this build has no C.
+/// The tracer of [`c()`] that returns the surfaces hit. None if this build has no C.
 pub fn hits_of_c() -> Option<Hits> {
     cfg!(rayo_c).then_some(C_HITS)
 }
 
-/// The surfaces that the tracer of [`paper`] hits. None if the CPU lacks SSE4.1.
+/// The tracer of [`paper`] that returns the surfaces hit. None if the CPU lacks SSE4.1.
 pub fn hits_of_paper() -> Option<Hits> {
     Isa::Sse41.usable().then_some(PAPER_HITS)
 }
 
-/// By [`Isa`].
+/// The operations on packets of f32, for each [`Isa`].
 static SINGLE: [[PacketOp<f32>; OPERATIONS.len()]; Isa::ALL.len()] =
     [packet_ops!("rayo_sse41_single_", 4), packet_ops!("rayo_avx2_single_", 8), packet_ops!("rayo_avx512_single_", 16)];
 static DOUBLE: [[PacketOp<f64>; OPERATIONS.len()]; Isa::ALL.len()] =
@@ -333,18 +335,19 @@ static PACKET_CHAINS: [PacketChains; Isa::ALL.len()] =
 static PAPER_CHAINS: [Chains; ALL_OPERATIONS.len()] = chains_of_aos_ops!("rayo_paper_");
 static AOS_CHAINS: [Chains; ALL_OPERATIONS.len()] = chains_of_aos_ops!("rayo_aos_");
 
-/// The feedback of the latency chains of one vector, alone. It needs no more than x86-64.
+/// The feedback by itself that the latency chains of single vectors contain. It needs only
+/// instructions that every x86-64 CPU has.
 pub fn feedback() -> Option<Chain> {
     cfg!(rayo_asm).then_some(kernel!("rayo_feedback_latency"))
 }
 
 /// An element type that has operations on packets.
 pub trait PacketElement: Element {
-    /// See [`packet_ops`].
+    /// The operations of an ISA; see [`packet_ops`].
     #[doc(hidden)]
     fn table(isa: Isa) -> Option<&'static [PacketOp<Self>]>;
 
-    /// See [`packet_op_codes`].
+    /// The code of the operations of an ISA; see [`packet_op_codes`].
     #[doc(hidden)]
     fn codes(isa: Isa) -> Vec<PacketOpCode>;
 }
@@ -374,12 +377,12 @@ pub fn packet_ops<E: PacketElement>(isa: Isa) -> Option<&'static [PacketOp<E>]> 
     E::table(isa)
 }
 
-/// The code of the packet operations of an ISA, whether this CPU supports it or not.
+/// The code of the packet operations of an ISA, whether or not this CPU supports it.
 pub fn packet_op_codes<E: PacketElement>(isa: Isa) -> Vec<PacketOpCode> {
     E::codes(isa)
 }
 
-/// The symbols of all packet operations in this build, whether this CPU supports them or not.
+/// The symbols of all packet operations in this build, whether or not this CPU supports them.
 pub fn packet_op_symbols() -> impl Iterator<Item = &'static str> {
     SINGLE.iter().flatten().map(PacketOp::symbol).chain(DOUBLE.iter().flatten().map(PacketOp::symbol))
 }
@@ -390,7 +393,7 @@ pub fn chains_of_packets(isa: Isa) -> Option<&'static PacketChains> {
     isa.usable().then(|| &PACKET_CHAINS[isa as usize])
 }
 
-/// Chains of the forms that the paper counts. None if the CPU lacks SSE4.1.
+/// Chains of the forms whose instructions the paper counts. None if the CPU lacks SSE4.1.
 pub fn chains_of_paper() -> Option<&'static [Chains]> {
     Isa::Sse41.usable().then_some(&PAPER_CHAINS)
 }

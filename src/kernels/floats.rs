@@ -1,5 +1,5 @@
-//! The control of floating-point arithmetic, which a host may have set otherwise than Rust and the
-//! kernels assume.
+//! The control of floating-point arithmetic, which a host may have set differently from what Rust
+//! and the kernels assume.
 
 use std::marker::PhantomData;
 
@@ -10,17 +10,18 @@ use unknown as register;
 #[cfg(target_arch = "x86_64")]
 use x86_64 as register;
 
-/// While it lives, this thread computes as Rust and the kernels assume: to nearest, with denormal
-/// numbers, without traps.
+/// While this value lives, the thread computes as Rust and the kernels assume: it rounds to
+/// nearest, keeps subnormal numbers, and raises no traps.
 ///
-/// Every public function that computes begins with one, so that a host which flushes denormal
-/// numbers to zero, rounds another way or unmasks exceptions (Fortran's `-ffpe-trap`, Delphi,
-/// audio, debuggers) gets the same pictures. What the host had set is put back at the end, its
-/// exception flags included. Threads that are started meanwhile begin with it. Where nothing is to
-/// be changed it costs a read of the register. On CPUs other than x86-64 and ARM64 it does nothing.
+/// Every public function that computes begins with such a guard, so that a host which flushes
+/// subnormal numbers to zero, rounds in another way or unmasks exceptions (Fortran's `-ffpe-trap`,
+/// Delphi, audio, debuggers) gets the same pictures. In the end the host's settings are restored,
+/// its exception flags included. Threads that are started meanwhile inherit the standard settings.
+/// If nothing has to be changed, the cost is one read of the register. On CPUs other than x86-64
+/// and ARM64 the guard does nothing.
 #[must_use = "it lasts as long as this does"]
 pub struct StandardFloats {
-    /// What the host had set, if it was something else.
+    /// The host's settings, if they were different.
     of_host: Option<register::Control>,
     /// Keeps the guard on the thread whose register it has set: a raw pointer is neither `Send` nor
     /// `Sync`.
@@ -28,13 +29,13 @@ pub struct StandardFloats {
 }
 
 impl StandardFloats {
-    /// Sets this thread's register, if it has another value.
+    /// Sets the standard value in this thread's register, if it has another one.
     pub fn set() -> Self {
         Self::of(register::STANDARD)
     }
 
-    /// Sets another value: only for what tests do to play such a host, since Rust does not define
-    /// what it then computes.
+    /// Sets another value. This is only for tests that act as such a host, since Rust does not
+    /// define what it then computes.
     pub(super) fn of(control: register::Control) -> Self {
         let found = register::read();
         let is_set = found & register::CONTROL == control;
@@ -53,7 +54,7 @@ impl Drop for StandardFloats {
     }
 }
 
-/// MXCSR. No code of ours uses the x87, which has a control word of its own.
+/// The register MXCSR. None of our code uses the x87, which has a control word of its own.
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86_64 {
     use std::arch::asm;
@@ -74,18 +75,19 @@ pub(super) mod x86_64 {
         control
     }
 
-    /// The compiler takes the instruction for one that may use any memory: it moves no load and no
-    /// store across, and so none of the arithmetic between them.
+    /// The compiler assumes that the instruction may use any memory. It therefore moves no load or
+    /// store across it, and so none of the arithmetic between them.
     #[inline]
     pub fn write(control: Control) {
         // SAFETY: every x86-64 CPU has the instruction, which reads four bytes. The value is the
-        // one that Rust assumes, or was in the register before, so that no reserved bit is set; a
-        // trap that it unmasks is taken by a later operation only.
+        // one that Rust assumes, or was in the register before, so that no reserved bit is set. A
+        // trap that it unmasks can only be raised by a later operation.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &control, options(nostack)) };
     }
 }
 
-/// FPCR, whose value is 0 where a process begins. The flags of exceptions are in another register.
+/// The register FPCR, which is 0 when a process begins. The exception flags are in another
+/// register.
 #[cfg(target_arch = "aarch64")]
 pub(super) mod aarch64 {
     use std::arch::asm;
@@ -104,7 +106,7 @@ pub(super) mod aarch64 {
         control
     }
 
-    /// As on x86-64.
+    /// As for MXCSR, the compiler moves no arithmetic across.
     #[inline]
     pub fn write(control: Control) {
         // SAFETY: a process may write the register; the value is the one that Rust assumes, or was
@@ -113,7 +115,7 @@ pub(super) mod aarch64 {
     }
 }
 
-/// A CPU whose register is not known here.
+/// A CPU whose control register is not known here.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod unknown {
     pub type Control = u32;

@@ -1,8 +1,8 @@
-//! Code that a user brings: a process of its own for it, and its functions, called like ours.
+//! Code that a user provides: a process in which it runs, and calls of its functions.
 //!
-//! Nothing can be known of such code: it may write anywhere, and the process with it. So only a
-//! process that was started for it loads it, which has nothing to lose, and whose answers its
-//! parent takes for what they are.
+//! Nothing can be assumed of such code: it may write to any memory of its process. It is therefore
+//! only loaded by a process that was started for it, which has nothing to lose, and whose parent
+//! trusts none of its answers.
 
 use std::ffi::{CStr, CString};
 use std::fs::File;
@@ -18,37 +18,37 @@ use super::isa::Isa;
 use super::kernel::{CheckedCall, Crashed, Kernel, Kind, examine};
 use super::paper::{OpRef, Trace};
 
-/// What a process for foreign code may use.
+/// What a process for foreign code may consume.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Seconds that a call may last, and that the process may compute.
+    /// The seconds that a call may last, and that the process may compute.
     pub seconds: u32,
-    /// Bytes of memory that it may have in all.
+    /// The bytes of memory that the process may have.
     pub memory: u64,
 }
 
-/// The proof that this process was started to run foreign code, and nothing else.
+/// Proof that this process was started to run foreign code and nothing else.
 pub struct OwnProcess {
     id: u32,
     handlers: Vec<usize>,
 }
 
 impl OwnProcess {
-    /// Makes this process one for foreign code: it ends with its parent and at its limits, leaves
-    /// no core file, and what the code prints goes to standard error. The report to the parent goes
-    /// to the file that is returned, which was standard output.
+    /// Turns this process into one for foreign code: it ends with its parent and at its limits,
+    /// leaves no core file, and sends what the code prints to standard error. The returned file,
+    /// which was standard output, is for the report to the parent.
     ///
     /// # Errors
-    /// If the system refuses one of these.
+    /// If the system refuses any of these.
     pub fn begin(limits: Limits) -> io::Result<(Self, File)> {
         #[cfg(target_os = "linux")]
-        // SAFETY: changes nothing but which signal this process gets when its parent ends.
+        // SAFETY: only changes which signal this process gets when its parent ends.
         unsafe {
             libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
         }
         let report = File::from(io::stdout().as_fd().try_clone_to_owned()?);
-        // SAFETY: two open descriptors; whoever holds standard output in Rust writes to standard
-        // error from now on.
+        // SAFETY: both descriptors are open. Rust code that holds standard output writes to
+        // standard error from now on.
         if unsafe { libc::dup2(2, 1) } == -1 {
             return Err(io::Error::last_os_error());
         }
@@ -60,8 +60,8 @@ impl OwnProcess {
         ];
         for (resource, most) in most {
             let limit = libc::rlimit { rlim_cur: most as libc::rlim_t, rlim_max: most as libc::rlim_t };
-            // SAFETY: a structure of two numbers, which is only read. What is not limited is so by
-            // the parent's clock.
+            // SAFETY: the structure of two numbers is only read. If a limit cannot be set, the
+            // parent's clock enforces the time all the same.
             unsafe { libc::setrlimit(resource, &limit) };
         }
         let mut own = OwnProcess { id: std::process::id(), handlers: Vec::new() };
@@ -70,65 +70,66 @@ impl OwnProcess {
         Ok((own, report))
     }
 
-    /// Whether this is a copy of the process, which the foreign code has made by `fork`.
+    /// Whether this is a copy of the process that the foreign code has made by `fork`.
     pub fn is_copy(&self) -> bool {
         std::process::id() != self.id
     }
 
-    /// Ends the process at once, with nothing of it run twice.
+    /// Ends the process at once, so that no exit handler runs twice.
     pub fn end(&self) -> ! {
-        // SAFETY: ends this process, whatever state it is in.
+        // SAFETY: ends this process, whatever its state.
         unsafe { libc::_exit(0) }
     }
 
-    /// The signals whose handling the foreign code has changed, by their numbers.
+    /// The numbers of the signals whose handlers the foreign code has changed.
     pub fn changed_handlers(&self) -> Vec<usize> {
         let now = handlers();
         (0..now.len()).filter(|signal| now[*signal] != self.handlers[*signal]).map(|signal| signal + 1).collect()
     }
 
-    /// Interrupts a checked call as if it had crashed, once this process has had the CPU for that
-    /// many seconds more.
+    /// Once this process has used the CPU for that many more seconds, interrupts a checked call as
+    /// if it had crashed.
     pub fn allow(&self, seconds: u32) {
         let value = libc::timeval { tv_sec: seconds.into(), tv_usec: 0 };
         let timer = libc::itimerval { it_value: value, it_interval: libc::timeval { tv_sec: 0, tv_usec: 0 } };
-        // SAFETY: sets a timer of this process, whose signal is handled since begin(); the
+        // SAFETY: sets a timer of this process, whose signal has been handled since begin(); the
         // structure is only read.
         unsafe { libc::setitimer(libc::ITIMER_PROF, &timer, std::ptr::null_mut()) };
     }
 }
 
-/// What each signal does here.
+/// The addresses of the handlers of all signals.
 fn handlers() -> Vec<usize> {
     let handler = |signal| {
-        // SAFETY: numbers and an address that may be null, for which all bits 0 are a value.
+        // SAFETY: a structure of numbers and an address that may be null, for which all bits 0 are
+        // a value.
         let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
-        // SAFETY: no new action is given, and the structure for the old one is ours to write.
+        // SAFETY: no new action is set, and the structure for the old one is ours to write.
         unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
         action.sa_sigaction
     };
     (1..=31).map(handler).collect()
 }
 
-/// The shared object of a user, in this process for good.
+/// A user's shared object, which stays loaded for the life of the process.
 pub struct Loaded {
     handle: *mut libc::c_void,
-    /// What its addresses count from.
+    /// The base address of the shared object.
     base: usize,
 }
 
 impl Loaded {
-    /// Loads a shared object, whose initialisers run.
+    /// Loads a shared object and runs its initialisers.
     ///
     /// # Errors
-    /// What the system's loader says against it.
+    /// The message of the system's loader.
     pub fn open(path: &Path, _own: &OwnProcess) -> Result<Self, String> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|error| error.to_string())?;
-        // SAFETY: a name that ends in 0. What the initialisers do is the user's affair, in a
-        // process for it.
+        // SAFETY: the name ends in 0. Whatever the initialisers do, they do in a process that was
+        // started for them.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
-            // SAFETY: after a failure it is a text that ends in 0, until the next call of the
+            // SAFETY: after a failure this is a text that ends in 0, until the next call of the
             // loader by this thread.
             let error = unsafe { CStr::from_ptr(libc::dlerror()) };
             return Err(error.to_string_lossy().into_owned());
@@ -137,37 +138,37 @@ impl Loaded {
         Ok(Loaded { handle, base })
     }
 
-    /// The function of that name; `offset` is its address in the file, by which one is found that
-    /// is not exported.
+    /// The function of that name. If it is not exported, it is found by `offset`, its address in
+    /// the file.
     pub fn function(&self, symbol: &str, offset: u64) -> Option<Function> {
         let name = CString::new(symbol).ok()?;
-        // SAFETY: a handle of the loader, which is never closed, and a name that ends in 0.
+        // SAFETY: the handle of the loader is never closed, and the name ends in 0.
         let exported = unsafe { libc::dlsym(self.handle, name.as_ptr()) } as usize;
         let address = match (exported, self.base) {
             (0, 0) => return None,
             (0, base) => base + offset as usize,
             (exported, _) => exported,
         };
-        // SAFETY: not null; what is there is called only as foreign code is.
+        // SAFETY: the address is not null, and it is only called as foreign code is called.
         let code = unsafe { std::mem::transmute::<usize, Code>(address) };
-        // A symbol lives as long as its code: for good.
+        // The symbol has to live as long as the code, which is never unloaded.
         Some(Function { code, symbol: String::leak(symbol.to_owned()) })
     }
 }
 
-/// A function that a user brings, with the convention of ours.
+/// A function that a user provides, with the calling convention of our kernels.
 #[derive(Clone, Copy)]
 pub struct Function {
     code: Code,
     symbol: &'static str,
 }
 
-/// What became of a call.
+/// The outcome of a call.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// None if the function returned.
     pub crash: Option<Box<Crashed>>,
-    /// The rules that it broke.
+    /// The rules of the calling convention that the function broke.
     pub broken: Vec<CheckedCall>,
 }
 
@@ -180,14 +181,15 @@ impl Function {
         self.symbol
     }
 
-    /// Calls it with these numbers in its argument registers: addresses, as far as it takes any.
+    /// Calls the function with these numbers in the argument registers; for arguments in memory,
+    /// they are addresses.
     pub fn call(self, registers: [u64; 6]) {
-        // SAFETY: foreign code, in a process of its own: there is a `Loaded` only where there was
-        // an `OwnProcess`.
+        // SAFETY: foreign code runs in a process of its own: a `Loaded` exists only where an
+        // `OwnProcess` does.
         unsafe { self.kernel::<()>().enter(registers as Registers) };
     }
 
-    /// The same by a checked call, where the assembly for these is built.
+    /// As [`call`](Self::call), by a checked call, if this build has the assembly for that.
     pub fn examine(self, registers: [u64; 6]) -> Outcome {
         if !Isa::Sse41.built() {
             self.call(registers);
@@ -197,7 +199,7 @@ impl Function {
         Outcome { crash: examined.result.err(), broken: examined.broken }
     }
 
-    /// As an operation that takes and gives what another does.
+    /// The function as an operation with the arguments and the result of `operation`.
     pub fn like(self, operation: OpRef) -> OpRef {
         match operation {
             OpRef::Vector(_) => OpRef::Vector(self.kernel()),
@@ -209,39 +211,40 @@ impl Function {
         }
     }
 
-    /// As Algorithm 1 over rows.
+    /// The function as an implementation of Algorithm 1 over rows.
     pub fn trace(self) -> Trace {
         self.kernel()
     }
 
     fn kernel<K: Kind>(self) -> Kernel<K> {
-        // SAFETY: foreign code, of which nothing can be asked: its process is the proof that it may
-        // do anything.
+        // SAFETY: nothing is required of foreign code: it may do anything, since its process was
+        // started for it.
         unsafe { Kernel::new(self.code, self.symbol) }
     }
 }
 
-/// Ends a process that leads a group, and all of this group.
+/// Kills a process that leads a group, and the whole group.
 pub fn end_group(leader: &std::process::Child) {
     let Ok(id) = libc::pid_t::try_from(leader.id()) else { return };
-    // SAFETY: sends a signal to the group that a process of ours leads, which has not been waited
-    // for, or had members.
+    // SAFETY: sends a signal to the group that one of our processes leads; it has not been waited
+    // for, or had members in its group.
     unsafe { libc::kill(-id, libc::SIGKILL) };
 }
 
-/// From now on this process is the parent of what its children leave behind, so that
-/// [`end_orphans`] finds it: a copy of foreign code in a group of its own among them.
+/// From now on orphans among the descendants of this process become its children, so that
+/// [`end_orphans`] finds them. That includes copies of foreign code in process groups of their own.
 pub fn adopt_orphans() {
     #[cfg(target_os = "linux")]
-    // SAFETY: changes nothing but who becomes the parent of orphans.
+    // SAFETY: only changes which process becomes the parent of orphans.
     unsafe {
         libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1);
     }
 }
 
-/// Ends all processes that this one is the parent of, where the system lists them.
+/// Kills all children of this process, if the system lists them.
 pub fn end_orphans() {
-    /// Of code that starts processes faster than they are ended, no more is tried.
+    /// How often the children are listed: code that starts processes faster than they are killed is
+    /// given up.
     const MOST_ROUNDS: u32 = 50;
     for _ in 0..MOST_ROUNDS {
         let children = children();
@@ -258,7 +261,7 @@ pub fn end_orphans() {
     }
 }
 
-/// The processes that this one is the parent of.
+/// The children of this process.
 fn children() -> Vec<libc::pid_t> {
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let lists = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());

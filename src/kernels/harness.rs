@@ -1,5 +1,5 @@
-//! What tests need to try kernels and checks: kernels that break the rules, functions to count,
-//! copies of the process.
+//! What tests need to test kernels and their checks: kernels that break rules, functions to be
+//! counted, copies of the process.
 
 #[cfg(unix)]
 use std::io;
@@ -14,26 +14,26 @@ use super::paper::Op;
 pub use super::portable::{lanes, nearest, packets as portable_packets, rows, set_up, shade, shadows, spheres};
 use super::types::Vec4;
 
-/// A kernel without arguments that breaks one rule on purpose.
+/// A kernel without arguments that breaks one rule of the calling convention on purpose.
 pub struct Broken {
     kernel: Kernel<()>,
-    /// The one rule it breaks.
+    /// The one rule that it breaks.
     pub breaks: Fault,
 }
 
 impl Broken {
-    /// Whether the CPU has its instructions: one of them needs AVX.
+    /// Whether the CPU has the kernel's instructions: one such kernel needs AVX.
     pub fn usable(&self) -> bool {
         self.breaks != Fault::Upper || vector_bytes() > 16
     }
 
-    /// The faults found by a checked call.
+    /// The broken rules that a checked call finds.
     ///
     /// # Panics
-    /// If it is not [`usable`](Broken::usable).
+    /// If the kernel is not [`usable`](Broken::usable).
     pub fn faults(&self) -> Vec<Fault> {
         assert!(self.usable());
-        // SAFETY: it has no arguments, and what it breaks is put right by the checked call.
+        // SAFETY: the kernel has no arguments, and the checked call repairs what it breaks.
         faults(|| _ = unsafe { self.kernel.enter([0; 6]) })
     }
 }
@@ -61,7 +61,7 @@ broken! {
 
 macro_rules! broken_dots {
     ($($symbol:literal;)*) => {
-        /// Kernels that are to compute `dot`, each with its own mistake.
+        /// Kernels that should compute `dot`, each with a different mistake.
         pub static BROKEN_DOTS: &[Op<Vec4, Vec4, f32>] = &[$(kernel!($symbol)),*];
     };
 }
@@ -75,24 +75,25 @@ broken_dots! {
     "rayo_broken_dot_division";
 }
 
-/// A function without arguments, and its instruction counts.
+/// A function without arguments whose instruction counts are known.
 pub struct Known {
     pub symbol: &'static str,
     kernel: Kernel<()>,
     /// Instructions between its labels `.body` and `.body_end`.
     pub body: u64,
-    /// Executions of those in a call.
+    /// How often these instructions are executed in a call.
     pub executed: u64,
-    /// Instructions that other functions execute in a call.
+    /// How many instructions other functions execute in a call.
     pub elsewhere: u64,
 }
 
 impl Known {
     /// # Panics
-    /// Where no assembly is built.
+    /// If this build has no assembly.
     pub fn call(&self) {
         assert!(super::Isa::Sse41.built());
-        // SAFETY: it takes nothing and keeps to the convention; it needs no more than x86-64 has.
+        // SAFETY: the function has no arguments and keeps the convention; it needs only
+        // instructions that every x86-64 CPU has.
         unsafe { self.kernel.enter([0; 6]) };
     }
 
@@ -103,7 +104,7 @@ impl Known {
 
 macro_rules! known {
     ($($symbol:literal: $body:literal, executed $executed:literal, elsewhere $elsewhere:literal;)*) => {
-        /// All of them. Each has `endbr64` and `ret` around its body.
+        /// All such functions. Each has `endbr64` before its body and `ret` after it.
         pub static KNOWN: &[Known] = &[$(Known {
             symbol: $symbol,
             kernel: kernel!($symbol),
@@ -124,17 +125,17 @@ known! {
     "rayo_known_call": 2, executed 2, elsewhere 9;
 }
 
-/// How a host has set floating-point arithmetic before it calls us.
+/// Floating-point settings that a host may have made before it calls the library.
 #[cfg(target_arch = "x86_64")]
 pub struct HostFloats {
     pub name: &'static str,
-    /// MXCSR.
+    /// The value of MXCSR.
     pub control: u32,
 }
 
 #[cfg(target_arch = "x86_64")]
 impl HostFloats {
-    /// What hosts are known to do.
+    /// Settings that hosts are known to make.
     pub const ALL: [HostFloats; 5] = [
         HostFloats { name: "denormal numbers flushed to zero", control: 0x9fc0 },
         HostFloats { name: "rounding upwards", control: 0x5f80 },
@@ -143,27 +144,28 @@ impl HostFloats {
         HostFloats { name: "traps of invalid operations, divisions by zero and overflow", control: 0x1900 },
     ];
 
-    /// Does `work`, which only calls what sets [`StandardFloats`] itself, in a thread that such a
-    /// host has called.
+    /// Runs `work` as if a host with these settings had called it. `work` must only call functions
+    /// that set [`StandardFloats`] themselves.
     pub fn call<R>(&self, work: impl FnOnce() -> R) -> R {
         let _host = StandardFloats::of(self.control);
         work()
     }
 }
 
-/// Whether a copy of this process returns from `action`; false if a fault ends it.
+/// Runs `action` in a copy of this process. Returns whether it returned there; false if a fault
+/// ended the copy.
 ///
 /// # Safety
-/// `action` only computes: in the copy no other thread runs, so that a lock may never be released.
+/// `action` only computes: the copy has no other threads, so that a lock might never be released.
 #[cfg(unix)]
 pub unsafe fn survives(action: impl FnOnce()) -> io::Result<bool> {
-    // SAFETY: the child does nothing but `action`, which by this function's contract computes only,
-    // and _exit.
+    // SAFETY: the child only runs `action`, which only computes by this function's contract, and
+    // _exit.
     match unsafe { libc::fork() } {
         -1 => Err(io::Error::last_os_error()),
         0 => {
             let fine = panic::catch_unwind(AssertUnwindSafe(action)).is_ok();
-            // SAFETY: ends the child at once, with nothing of the parent's run twice.
+            // SAFETY: ends the child at once, so that none of the parent's exit handlers run twice.
             unsafe { libc::_exit(if fine { 0 } else { 1 }) }
         }
         child => {

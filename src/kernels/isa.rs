@@ -1,10 +1,10 @@
-//! The instruction sets that kernels are written for, and whether this CPU and its operating system
-//! run them.
+//! The instruction sets for which kernels are written, and whether this CPU and its operating
+//! system support them.
 
 use std::fmt;
 
-/// Whether the CPU has all of these, and the operating system saves their registers. A CPU that is
-/// not x86 has none.
+/// Whether the CPU has all of these features, and the operating system saves their registers. A CPU
+/// that is not x86 has none.
 macro_rules! detected {
     ($($feature:tt)*) => {{
         #[cfg(target_arch = "x86_64")]
@@ -17,7 +17,7 @@ macro_rules! detected {
 
 pub(super) use detected;
 
-/// The highest level of x86-64, by the psABI, that this CPU supports.
+/// The highest x86-64 level of the psABI that this CPU supports.
 #[cfg(feature = "lab")]
 pub(super) fn psabi_level() -> u32 {
     let levels = [
@@ -28,7 +28,7 @@ pub(super) fn psabi_level() -> u32 {
     1 + levels.into_iter().take_while(|has| *has).count() as u32
 }
 
-/// An instruction set. Of two in this list the later is the faster one, where a CPU has both.
+/// An instruction set. They are ordered: where a CPU has two, the later one is faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Isa {
     /// SSE4.1: 128-bit registers.
@@ -40,10 +40,10 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// Every one, in the order of their indices in tables.
+    /// All instruction sets, in the order of their indices in tables.
     pub const ALL: [Isa; 3] = [Isa::Sse41, Isa::Avx2, Isa::Avx512];
 
-    /// The name that users type and that is part of kernels' symbols.
+    /// The name, which users type and which is part of kernels' symbols.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Sse41 => "sse41",
@@ -52,7 +52,7 @@ impl Isa {
         }
     }
 
-    /// Elements of f32 in a register: `LANES` of its unit, where elements have four bytes.
+    /// The number of f32 in a register, which is `LANES` in a unit for elements of four bytes.
     pub fn lanes(self) -> usize {
         match self {
             Isa::Sse41 => 4,
@@ -61,12 +61,12 @@ impl Isa {
         }
     }
 
-    /// Whether this build has its kernels.
+    /// Whether this build has the instruction set's kernels.
     pub fn built(self) -> bool {
         cfg!(rayo_asm)
     }
 
-    /// Whether this build has its kernels, the CPU their instructions, and the operating system
+    /// Whether this build has the kernels, the CPU has their instructions, and the operating system
     /// saves their registers.
     pub fn usable(self) -> bool {
         self.built()

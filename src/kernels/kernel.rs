@@ -1,5 +1,5 @@
-//! A kernel and its calls, checked and not: an entry of `kinds!` defines the arguments of a kind
-//! and their registers.
+//! Kernels and calls of them, checked or direct. An entry of `kinds!` defines the arguments of a
+//! kind of kernels and the registers that hold them.
 
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
@@ -9,23 +9,23 @@ use std::panic::{self, AssertUnwindSafe};
 use super::checked::{self, Code, Fault, Registers};
 use super::crash::Crash;
 
-/// A kind of kernels, as `kinds!` defines it.
+/// A kind of kernels, which `kinds!` defines.
 pub trait Kind {
-    /// The type of the kind's functions in Rust, if there may be any.
+    /// The type of functions in Rust of this kind; uninhabited if it has none.
     type Function: Copy;
 }
 
-/// A kind without arguments.
+/// The kind of kernels without arguments.
 impl Kind for () {
     type Function = Infallible;
 }
 
-/// A kind on elements, defined by other types.
+/// The kind of kernels on elements whose arguments another type defines.
 impl<E> Kind for PhantomData<E> {
     type Function = Infallible;
 }
 
-/// A kernel of the kind `K`: foreign code, or a function in Rust.
+/// A kernel of the kind `K`: foreign code or a function in Rust.
 pub struct Kernel<K: Kind> {
     way: Way<Code, K::Function>,
     symbol: &'static str,
@@ -39,64 +39,64 @@ impl<K: Kind> Clone for Kernel<K> {
 
 impl<K: Kind> Copy for Kernel<K> {}
 
-/// The implementation of a kernel: code that reads registers, or a function.
+/// The implementation of a kernel: code that takes registers, or a function in Rust.
 #[derive(Clone, Copy)]
 pub(super) enum Way<C, B> {
     Code(C),
     Rust(B),
 }
 
-/// A function that calls a kernel, and returns the result.
+/// A function that calls a kernel with these registers and returns its result.
 #[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
 pub(super) type Call = unsafe fn(Code, Registers) -> u64;
 
-/// How a thread calls kernels.
+/// How a thread calls foreign code.
 #[derive(Clone, Copy)]
 enum Calls {
     Direct,
-    /// By the code in checked.asm, with denormal numbers switched off in them or not.
+    /// Through the code in checked.asm, optionally with subnormal numbers switched off.
     Checked {
         without_denormals: bool,
     },
-    /// By a function that calls them.
+    /// Through a given function.
     #[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
     Through(Call),
 }
 
 thread_local! {
-    /// How this thread calls them.
+    /// How this thread calls foreign code.
     static HOW: Cell<Calls> = const { Cell::new(Calls::Direct) };
-    /// The number of checked calls that came back.
+    /// The number of checked calls that returned.
     static CALLS: Cell<u64> = const { Cell::new(0) };
-    /// The first of them that broke a rule.
+    /// The first of these calls that broke a rule.
     static BROKEN: RefCell<Vec<CheckedCall>> = const { RefCell::new(Vec::new()) };
 }
 
-/// The most broken calls that are kept.
+/// How many calls that broke a rule are kept.
 const MOST_BROKEN: usize = 1000;
 
-/// A checked call that broke a rule.
+/// A checked call in which a kernel broke a rule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CheckedCall {
     pub symbol: &'static str,
     pub broken: Vec<Fault>,
 }
 
-/// A kernel that did not come back.
+/// A kernel that crashed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crashed {
     pub symbol: &'static str,
     pub crash: Crash,
 }
 
-/// Some work with kernels, of which every call was checked.
+/// The outcome of work in which every call of a kernel was checked.
 #[derive(Clone, Debug)]
 pub struct Examined<R> {
-    /// What the work returned, unless a kernel crashed, which ended it.
+    /// What the work returned; an error if a kernel crashed, which ended the work.
     pub result: Result<R, Box<Crashed>>,
-    /// The number of calls that came back.
+    /// The number of calls that returned.
     pub calls: u64,
-    /// Those that broke a rule, in order: the first of them, if there are many.
+    /// The calls in which a kernel broke a rule, in order; only the first ones, if there are many.
     pub broken: Vec<CheckedCall>,
 }
 
@@ -108,7 +108,8 @@ impl<R> Examined<R> {
 
 impl<K: Kind> Kernel<K> {
     /// # Safety
-    /// `code` takes what `kinds!` defines for `K`, and is handed out only if the CPU supports it.
+    /// `code` takes the arguments that `kinds!` defines for `K`, and is only handed out if the CPU
+    /// supports it.
     pub(super) const unsafe fn new(code: Code, symbol: &'static str) -> Self {
         Kernel { way: Way::Code(code), symbol }
     }
@@ -117,24 +118,24 @@ impl<K: Kind> Kernel<K> {
         Kernel { way: Way::Rust(function), symbol }
     }
 
-    /// The symbol of its code.
+    /// The symbol of the kernel's code.
     pub fn symbol(&self) -> &'static str {
         self.symbol
     }
 
-    /// Its symbol, as the only one of a table.
+    /// The symbols of the kernel as a table: this single one.
     pub(super) fn symbols(&self) -> Vec<&'static str> {
         vec![self.symbol]
     }
 
-    /// Its implementation, ready to be called.
+    /// The implementation of the kernel, ready to be called.
     ///
     /// # Safety
-    /// Code is called with registers that hold the arguments of its kind.
+    /// Code is called with registers that hold the arguments of the kernel's kind.
     #[inline]
     pub(super) unsafe fn way(&self) -> Way<impl FnOnce(Registers) -> u64, K::Function> {
         match self.way {
-            // SAFETY: as here.
+            // SAFETY: the caller keeps this function's contract, which is that of enter().
             Way::Code(code) => Way::Code(move |registers| unsafe { enter(code, self.symbol, registers) }),
             Way::Rust(function) => Way::Rust(function),
         }
@@ -152,46 +153,47 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
         self.code() as usize
     }
 
-    /// Calls it, and returns the result.
+    /// Calls the kernel, and returns its result.
     ///
     /// # Safety
-    /// The registers hold the arguments of its kind.
+    /// The registers hold the arguments of the kernel's kind.
     #[inline]
     pub(super) unsafe fn enter(&self, registers: Registers) -> u64 {
-        // SAFETY: as here.
+        // SAFETY: the caller keeps this function's contract, which is that of enter().
         unsafe { enter(self.code(), self.symbol, registers) }
     }
 }
 
-/// Calls a kernel, and returns the result.
+/// Calls a kernel's code, and returns its result.
 ///
 /// # Safety
-/// The registers hold the arguments of its kind.
+/// The registers hold the arguments of the kernel's kind.
 #[inline]
 unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
     match HOW.get() {
         Calls::Direct => {
             let [a, b, c, d, e, f] = registers;
-            // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
+            // SAFETY: by the contract of new() the code takes arguments of its kind, and the CPU
+            // runs it.
             unsafe { code(a, b, c, d, e, f) }
         }
-        // SAFETY: as here.
+        // SAFETY: the caller keeps this function's contract.
         Calls::Checked { without_denormals } => unsafe { enter_checked(code, symbol, registers, without_denormals) },
         #[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
-        // SAFETY: as here.
+        // SAFETY: the caller keeps this function's contract.
         Calls::Through(call) => unsafe { call(code, registers) },
     }
 }
 
-/// As [`enter`], out of line, for a rare case. A crash of the kernel unwinds from here, to
-/// [`examine`].
+/// As [`enter`], out of line since it is rare. If the kernel crashes, the stack unwinds from here
+/// to [`examine`].
 ///
 /// # Safety
-/// As that of [`enter`].
+/// That of [`enter`].
 #[cold]
 #[inline(never)]
 unsafe fn enter_checked(code: Code, symbol: &'static str, registers: Registers, without_denormals: bool) -> u64 {
-    // SAFETY: as in enter.
+    // SAFETY: the caller keeps this function's contract.
     match unsafe { checked::call(code, registers, without_denormals) } {
         Ok(checked::Returned { result, faults: broken }) => {
             CALLS.set(CALLS.get() + 1);
@@ -208,24 +210,24 @@ unsafe fn enter_checked(code: Code, symbol: &'static str, registers: Registers, 
     }
 }
 
-/// Does `work` with all foreign code that this thread calls in it checked.
+/// Runs `work`, and checks all calls of foreign code that this thread makes in it.
 ///
 /// # Panics
-/// If some breaks the calling convention.
+/// If a kernel breaks the calling convention.
 pub fn checked<R>(work: impl FnOnce() -> R) -> R {
     unbroken(examine(work))
 }
 
-/// The same, with denormal numbers switched off in that code, as results and operands (FTZ and DAZ
-/// of MXCSR): to show that nothing depends on them.
+/// As [`checked`], with subnormal numbers switched off during these calls, as results and as
+/// operands (FTZ and DAZ of MXCSR). It serves to show that nothing depends on them.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
     unbroken(checking(true, work))
 }
 
-/// The rules that foreign code breaks which this thread calls in `work`.
+/// The rules that foreign code breaks when this thread calls it in `work`.
 ///
 /// # Panics
-/// If it calls none.
+/// If `work` calls no foreign code.
 pub fn faults(work: impl FnOnce()) -> Vec<Fault> {
     let examined = examine(work);
     let broken: Vec<_> = examined.broken.iter().flat_map(|call| &call.broken).copied().collect();
@@ -239,23 +241,23 @@ fn unbroken<R>(examined: Examined<R>) -> R {
     examined.expect_result()
 }
 
-/// Does `work` with all foreign code that this thread calls in it checked, and returns what became
-/// of it.
+/// Runs `work`, checks all calls of foreign code that this thread makes in it, and returns the
+/// outcome.
 pub fn examine<R>(work: impl FnOnce() -> R) -> Examined<R> {
     checking(false, work)
 }
 
-/// Does `work` with all kernels that this thread calls in it called by `call`.
+/// Runs `work`, in which this thread calls all kernels through `call`.
 ///
 /// # Safety
-/// `call` calls the kernel with these registers, and returns its result.
+/// `call` calls the kernel with the registers that it is given, and returns its result.
 #[cfg(all(feature = "lab", target_os = "linux", target_arch = "x86_64"))]
 pub(super) unsafe fn calling_through(call: Call, work: impl FnOnce()) {
     let _restore = Restore(HOW.replace(Calls::Through(call)));
     work();
 }
 
-/// Restores how this thread calls kernels, after a panic too.
+/// Restores how this thread calls kernels, also after a panic.
 struct Restore(Calls);
 
 impl Drop for Restore {
@@ -268,7 +270,8 @@ fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> Examined<R>
     let _restore = Restore(HOW.replace(Calls::Checked { without_denormals }));
     CALLS.set(0);
     BROKEN.take();
-    // A kernel writes plain values alone: whatever it has not written, is what it was.
+    // Unwinding is safe: a kernel only writes plain values, and what it has not written keeps its
+    // value.
     let result = panic::catch_unwind(AssertUnwindSafe(work)).or_else(|reason| match reason.downcast::<Crashed>() {
         Ok(crashed) => Err(crashed),
         Err(other) => panic::resume_unwind(other),
@@ -276,8 +279,8 @@ fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> Examined<R>
     Examined { result, calls: CALLS.get(), broken: BROKEN.take() }
 }
 
-/// The kernel with that symbol, of the kind that its place requires: in assembly (`rayo_asm`), or
-/// in C (`rayo_c`).
+/// The kernel with that symbol, of the kind that its use requires: in assembly (`rayo_asm`) or in C
+/// (`rayo_c`).
 macro_rules! kernel {
     ($built:ident, $symbol:expr) => {{
         #[cfg($built)]
@@ -288,7 +291,7 @@ macro_rules! kernel {
         #[cfg(not($built))]
         use $crate::kernels::checked::absent as kernel;
         // SAFETY: the signature above the function in asm/ or src/kernels/c is that of the kind;
-        // and what hands the table out has asked the build and the CPU.
+        // the functions that hand out the table check the build and the CPU.
         unsafe { $crate::kernels::kernel::Kernel::new(kernel, $symbol) }
     }};
     ($symbol:expr) => {
@@ -306,10 +309,10 @@ pub(super) fn writes<T: ?Sized>(to: *mut T) -> u64 {
     to.cast::<()>() as u64
 }
 
-/// Defines kinds of kernels: the arguments of each in Rust; those of a function in Rust, if there
-/// may be one; and `|way|`, how code or a function is called with them. A block must prove that the
-/// arguments of code are what kernels of the kind require: addresses, alignment and lengths. It may
-/// skip the call if there is nothing to do.
+/// Defines kinds of kernels. An entry has the arguments of the kind in Rust; the arguments of its
+/// functions in Rust, if it has any; and a block that calls `|way|`, the code or the function, with
+/// them. The block must prove that the arguments of code are what kernels of the kind require:
+/// addresses, alignment and lengths. It may skip the call if there is nothing to do.
 macro_rules! kinds {
     ($(
         $(#[$doc:meta])*
@@ -318,7 +321,7 @@ macro_rules! kinds {
         $(#[$call_doc:meta])*
         fn $call:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?; |$way:ident| $block:block
     )*) => {
-        /// Tells kinds of kernels apart.
+        /// A type for each kind of kernels, to tell them apart.
         mod kind {
             $(pub struct $kind $(<$($parameter),+>(std::marker::PhantomData<fn($($parameter),+)>))?;)*
         }
@@ -345,7 +348,7 @@ macro_rules! kinds {
                 $(#[$call_doc])*
                 #[inline]
                 pub fn $call(&self, $($argument: $type),*) $(-> $result)? {
-                    // SAFETY: the block above proves what code asks of its arguments.
+                    // SAFETY: the block above proves what the code requires of its arguments.
                     Self::with($($argument,)* unsafe { self.way() })
                 }
             }
@@ -353,7 +356,7 @@ macro_rules! kinds {
     };
 }
 
-/// The function of a kind in Rust, which may have none.
+/// The type of a kind's functions in Rust; uninhabited if it has none.
 macro_rules! function {
     () => {
         std::convert::Infallible

@@ -1,5 +1,5 @@
-//! The rungs of the ladder that are variants of the paper's code and of the packets' closed form,
-//! for the experiment alone.
+//! The rungs of the ladder that are variants of the paper's code and of the packets' closed form.
+//! They serve the experiment alone.
 
 use std::ops::Range;
 
@@ -12,17 +12,17 @@ use super::portable;
 use super::records::{LitRows, LitSphere};
 use super::types::{Frame, Objects, Vec4};
 
-/// A level of x86-64 that a rung was compiled for.
+/// The level of x86-64 that a rung was compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(dead_code, reason = "build.rs says which rungs there are")]
 enum Level {
     /// The level of every x86-64 CPU.
     Base,
-    /// AVX2, FMA and the rest of their level.
+    /// x86-64-v3: AVX2, FMA and others.
     V3,
-    /// AVX-512 with its F, BW, CD, DQ and VL.
+    /// x86-64-v4: AVX-512 F, BW, CD, DQ and VL.
     V4,
-    /// The level of the paper's SIMD, and of packets of four.
+    /// SSE4.1, which the paper's SIMD and packets of four need.
     Sse41,
 }
 
@@ -37,7 +37,7 @@ impl Level {
     }
 }
 
-/// A variant of a tracer, or of the kernels that one calls.
+/// A variant of a tracer, or of the kernels that a tracer calls.
 /// ```no_run
 /// rayo::internals::kernels::ladder::C[0].usable();
 /// ```
@@ -47,7 +47,7 @@ impl Level {
 /// ```
 #[derive(Clone, Copy)]
 pub struct Rung<K = Trace> {
-    /// Its name in build.rs.
+    /// The variant's name in build.rs.
     pub name: &'static str,
     /// The level it was compiled for.
     pub flags: &'static str,
@@ -56,15 +56,15 @@ pub struct Rung<K = Trace> {
 }
 
 impl<K> Rung<K> {
-    /// Whether this CPU runs it.
+    /// Whether this CPU runs the rung.
     pub fn usable(&self) -> bool {
         self.level.usable()
     }
 
-    /// What it is, if this CPU runs it.
+    /// The kernel or kernels, if this CPU runs them.
     ///
     /// # Panics
-    /// If it is not [`Rung::usable`].
+    /// If the rung is not [`Rung::usable`].
     fn kernel(&self) -> &K {
         assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
         &self.kernel
@@ -75,17 +75,17 @@ impl Rung<ElementKernels<f32>> {
     /// The kernels.
     ///
     /// # Panics
-    /// If it is not [`Rung::usable`].
+    /// If the rung is not [`Rung::usable`].
     pub fn kernels(&self) -> &ElementKernels<f32> {
         self.kernel()
     }
 }
 
 impl Rung {
-    /// As [`Trace::call`].
+    /// Calls the tracer as [`Trace::call`] does.
     ///
     /// # Panics
-    /// As [`Trace::call`]; if there are more than [`MOST`] objects of a kind; if it is not
+    /// As [`Trace::call`]; if there are more than [`MOST`] objects of a kind; if the rung is not
     /// [`Rung::usable`].
     pub fn call(&self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [Vec4]) {
         assert!(objects.spheres.len().max(objects.triangles.len()) <= MOST, "a rung takes {MOST} objects of a kind");
@@ -95,11 +95,11 @@ impl Rung {
 
 macro_rules! rungs {
     (most $most:literal; $($name:literal, $level:ident, $flags:literal;)*) => {
-        /// The most objects of a kind that a rung takes.
+        /// How many objects of a kind a rung takes at most.
         pub const MOST: usize = $most;
 
-        /// Every variant of the paper's C that this build has, in the order of the ladder; not each
-        /// is [`Rung::usable`] everywhere.
+        /// Every variant of the paper's C that this build has, in the order of the ladder. Not
+        /// every CPU can run all of them; see [`Rung::usable`].
         pub static C: &[Rung] = &[$(Rung {
             name: $name,
             flags: $flags,
@@ -109,7 +109,7 @@ macro_rules! rungs {
     };
 }
 
-/// The packet kernels of a level, but for the grey bytes of a sphere's rows, which `kernel` makes.
+/// The packet kernels of a level, in which `kernel` renders the grey bytes of a sphere's rows.
 const fn with_rows(level: Level, kernel: ShadeRows<f32, Rgba8>) -> ElementKernels<f32> {
     let isa = match level {
         Level::Base | Level::Sse41 => Isa::Sse41,
@@ -122,8 +122,8 @@ const fn with_rows(level: Level, kernel: ShadeRows<f32, Rgba8>) -> ElementKernel
 
 macro_rules! closed {
     ($($name:literal, $level:ident, $flags:literal;)*) => {
-        /// The closed form of one grey sphere in bytes, compiled: from C if this build has it, and
-        /// from Rust.
+        /// Compiled versions of the closed form of one grey sphere, which write bytes: from C, if
+        /// this build has it, and from Rust.
         pub static CLOSED: &[Rung<ElementKernels<f32>>] = &[
             $(Rung {
                 name: $name,
@@ -147,7 +147,8 @@ macro_rules! in_rust {
             kernel: with_rows(
                 Level::$level,
                 ShadeRows::<f32, Rgba8>::in_rust(
-                    // SAFETY: Rung::kernels() hands it out, and only where the CPU is of its level.
+                    // SAFETY: only Rung::kernels() hands this out, and only if the CPU supports the
+                    // level.
                     |sphere, rows, out, width| unsafe { $rows(sphere, rows, out, width) },
                     $name,
                 ),
@@ -156,7 +157,7 @@ macro_rules! in_rust {
     };
 }
 
-/// The address of the code from Rust among [`CLOSED`], for the level of an ISA.
+/// The address of the code in [`CLOSED`] that was compiled from Rust for an ISA.
 pub fn rows_in_rust(isa: Isa) -> usize {
     type Rows = unsafe fn(&LitSphere<f32>, &LitRows<f32>, &mut [Rgba8], usize);
     let rows: [Rows; 3] = [portable::grey_sse41, portable::grey_v3, portable::grey_v4];
@@ -165,7 +166,7 @@ pub fn rows_in_rust(isa: Isa) -> usize {
 
 include!(concat!(env!("OUT_DIR"), "/rungs.rs"));
 
-/// The paper's SIMD with calls in place of macros: the same instructions on the same registers, out
-/// of line.
+/// The paper's SIMD with calls instead of macros: the same instructions on the same registers, but
+/// out of line.
 pub static PAPER_CALLS: Rung =
     Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, kernel: kernel!("rayo_calls_trace") };

@@ -1,4 +1,4 @@
-//! Algorithm 1 of the paper with a ray in each lane, tested against every object:
+//! Algorithm 1 of the paper with a ray in each lane, where each ray is tested against every object:
 //! asm/tracers/lanes.asm.
 
 use std::iter::repeat_n;
@@ -9,7 +9,7 @@ use super::kernel::{Way, function, kernel, kinds, reads, writes};
 use super::records::{LaneLists, ObjectLight, SphereHit, TriangleHit};
 use super::types::{Frame, Vec4};
 
-/// A line of a record: no record begins within one.
+/// A cache line of numbers; every record begins with one.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Line([f32; 16]);
@@ -18,7 +18,7 @@ struct Line([f32; 16]);
 #[derive(Clone, Debug, Default)]
 struct Records {
     lines: Vec<Line>,
-    /// Lines of one.
+    /// The number of lines in a record.
     each: usize,
 }
 
@@ -36,7 +36,7 @@ impl Records {
 /// Objects as a [`LaneTracer`] reads them.
 #[derive(Clone, Debug)]
 pub struct LaneObjects {
-    /// How often each number of a hit's record is there.
+    /// How many copies of each number a hit's record has.
     spread: usize,
     lights: usize,
     spheres: Records,
@@ -51,18 +51,19 @@ impl LaneObjects {
         hit.into_iter().flat_map(move |number| repeat_n(number, spread)).chain(more.to_vec()).chain(lights)
     }
 
-    /// Adds a sphere with this centre, and 1 / radius; lights are in radii from the centre.
+    /// Adds a sphere with its centre and 1 / radius. The lights are relative to the centre, in
+    /// radii.
     ///
     /// # Panics
-    /// If it has not as many lights as the others.
+    /// If it does not have the same number of lights as the other objects.
     pub fn sphere(&mut self, hit: &SphereHit<f32>, centre_and_scale: [f32; 4], lights: &[ObjectLight<f32>]) {
         self.spheres.push(self.numbers(hit.numbers(), &centre_and_scale, lights));
     }
 
-    /// Adds a triangle; lights are from the camera.
+    /// Adds a triangle. The lights are relative to the camera.
     ///
     /// # Panics
-    /// If it has not as many lights as the others.
+    /// If it does not have the same number of lights as the other objects.
     pub fn triangle(&mut self, hit: &TriangleHit<f32>, lights: &[ObjectLight<f32>]) {
         self.triangles.push(self.numbers(hit.numbers(), &[], lights));
     }
@@ -75,7 +76,7 @@ kinds! {
     /// Writes `rows` of the image to `out`, row by row.
     ///
     /// # Panics
-    /// If `out` is not `frame.width` x the number of rows long.
+    /// If `out` does not have `frame.width` times the number of rows pixels.
     fn call(frame: &Frame, objects: &LaneObjects, rows: Range<u32>, out: &mut [Vec4]); |way| {
         let Way::Code(enter) = way;
         let pixels = u128::from(frame.width) * rows.len() as u128;
@@ -83,9 +84,9 @@ kinds! {
         if pixels > 0 {
             let bytes = |lines: usize| (lines * size_of::<Line>()) as u64;
             let LaneObjects { lights, spheres, triangles, .. } = objects;
-            // All records of a list are of one size and hold what the kernel reads of each; with
-            // lines of 64 bytes they are aligned. There is a row, a column, and in `out` the place
-            // of each pixel.
+            // All records of a list have the same size and hold what the kernel reads; lines of 64
+            // bytes keep them aligned. There is at least one row and one column, and `out` has room
+            // for each pixel.
             let lists = LaneLists {
                 spheres: reads(&*spheres.lines),
                 spheres_bytes: bytes(spheres.lines.len()),
@@ -100,13 +101,14 @@ kinds! {
     }
 }
 
-/// The tracer of an ISA.
+/// The tracer for an ISA.
 pub struct LaneTracer {
     spread: usize,
     kernel: RowsInLanes,
 }
 
-/// By [`Isa`]: operands of AVX-512 broadcast.
+/// The tracers for each [`Isa`]. In AVX-512 memory operands broadcast, so that one copy of a number
+/// suffices.
 static TRACERS: [LaneTracer; Isa::ALL.len()] = [
     LaneTracer { spread: 4, kernel: kernel!("rayo_sse41_single_lanes") },
     LaneTracer { spread: 8, kernel: kernel!("rayo_avx2_single_lanes") },
@@ -118,21 +120,21 @@ pub fn lane_tracer(isa: Isa) -> Option<&'static LaneTracer> {
     isa.usable().then(|| &TRACERS[isa as usize])
 }
 
-/// The symbols of all of them, whether this CPU supports them or not.
+/// The symbols of all tracers, whether or not this CPU supports them.
 pub fn lane_symbols() -> [&'static str; Isa::ALL.len()] {
     Isa::ALL.map(|isa| TRACERS[isa as usize].kernel.symbol())
 }
 
 impl LaneTracer {
-    /// No objects yet, each of which will have so many lights.
+    /// An empty list of objects, each of which will have `lights` lights.
     pub fn objects(&self, lights: usize) -> LaneObjects {
         LaneObjects { spread: self.spread, lights, spheres: Records::default(), triangles: Records::default() }
     }
 
-    /// As [`RowsInLanes::call`].
+    /// Traces as [`RowsInLanes::call`] does.
     ///
     /// # Panics
-    /// As that; if `objects` are another tracer's.
+    /// As [`RowsInLanes::call`]; and if `objects` were made by another tracer.
     pub fn call(&self, frame: &Frame, objects: &LaneObjects, rows: Range<u32>, out: &mut [Vec4]) {
         assert_eq!(objects.spread, self.spread, "the objects are those of a tracer with other lanes");
         self.kernel.call(frame, objects, rows, out);

@@ -1,5 +1,5 @@
-//! The program's memory: if there is none left, it ends with a message that gives the size
-//! requested, not by an abort.
+//! The program's memory. If there is none left, the program ends with a message that gives the size
+//! requested, and not by an abort.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -16,22 +16,22 @@ pub struct Allocator;
 static LAST_WORK: OnceLock<fn()> = OnceLock::new();
 
 thread_local! {
-    /// Whether this thread handles failures; and whether it is ending the process.
+    /// Whether this thread handles failed allocations itself; and whether it is ending the process.
     static IS_TOLD: Cell<bool> = const { Cell::new(false) };
     static IS_ENDING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Registers `work` to be done before a process ends for want of memory; only the first counts. It
-/// has little memory itself.
+/// Registers `work` to be done before the process ends for lack of memory. Only the first
+/// registration counts. `work` has little memory itself.
 #[cfg(not(target_os = "linux"))]
 pub fn before_the_end(work: fn()) {
     let _ = LAST_WORK.set(work);
 }
 
-/// Reserves memory for `more` values, which may be more than there is memory for.
+/// Reserves memory for `more` values, which may be more than the system has.
 ///
 /// # Errors
-/// If there is none.
+/// If there is not enough memory.
 pub fn try_reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), TryReserveError> {
     IS_TOLD.set(true);
     let reserved = values.try_reserve_exact(more);
@@ -39,10 +39,11 @@ pub fn try_reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), TryReserve
     reserved
 }
 
-/// Puts the program's heap on large pages, as far as the system has them, and keeps what is freed.
-/// The first touch of a small page takes a microsecond or two, which for a mesh of 69,000 triangles
-/// was half of set-up. Only a hint, and returns whether it was followed: not where other threads
-/// run, since two that move the heap's end at once could give one's memory back.
+/// Puts the program's heap on large pages, as far as the system has them, and keeps freed memory.
+/// The first write to a small page takes a microsecond or two, which was half of the set-up of a
+/// mesh of 69,000 triangles. This is only a hint, and the result says whether it was followed. It
+/// is not followed if other threads run: two that move the end of the heap at the same time could
+/// release each other's memory.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn use_large_pages() -> bool {
     if std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count) != 1 {
@@ -50,11 +51,12 @@ pub fn use_large_pages() -> bool {
     }
     use libc::{M_ARENA_MAX, M_MMAP_THRESHOLD, M_TOP_PAD, M_TRIM_THRESHOLD};
     let options = [(M_MMAP_THRESHOLD, 4 << 20), (M_TRIM_THRESHOLD, 64 << 20), (M_TOP_PAD, 16 << 20), (M_ARENA_MAX, 1)];
-    // What malloc writes when the heap grows is to be before the first large page, or that would be
-    // made of small ones.
+    // The bytes that malloc writes when the heap grows must lie before the first large page;
+    // otherwise that page would be made up of small ones.
     let before = 256 << 10;
-    // SAFETY: the options choose where memory comes from, a gap in the heap is room lost, and the
-    // size of pages changes no content. Nobody else moves the end, since this thread is alone.
+    // SAFETY: the options choose where memory comes from, a gap in the heap is only wasted, and the
+    // size of pages changes no content. Nobody else moves the heap's end, since this thread is
+    // alone.
     unsafe {
         options.into_iter().for_each(|(option, value)| _ = libc::mallopt(option, value));
         let end = libc::sbrk(0).addr();
@@ -67,7 +69,7 @@ pub fn use_large_pages() -> bool {
     true
 }
 
-/// The allocated memory; ends the process if there is none and the thread does not handle that.
+/// Returns allocated memory. Ends the process if it is null and the thread does not handle that.
 fn or_end(memory: *mut u8, bytes: usize) -> *mut u8 {
     if memory.is_null() && !IS_TOLD.get() {
         end(bytes);
@@ -77,7 +79,7 @@ fn or_end(memory: *mut u8, bytes: usize) -> *mut u8 {
 
 #[cold]
 fn end(bytes: usize) -> ! {
-    // The last work may fail to allocate, too.
+    // The last work may itself fail to allocate.
     if !IS_ENDING.replace(true) {
         let _ = writeln!(io::stderr(), "error: there is no memory for {bytes} bytes");
         #[cfg(not(target_os = "linux"))]
@@ -86,7 +88,7 @@ fn end(bytes: usize) -> ! {
         }
     }
     #[cfg(unix)]
-    // SAFETY: ends the process at once: what others do at an end could take memory.
+    // SAFETY: ends the process at once, since exit handlers could need memory.
     unsafe {
         libc::_exit(1)
     }
@@ -94,25 +96,25 @@ fn end(bytes: usize) -> ! {
     std::process::exit(1)
 }
 
-// SAFETY: the system's allocator is one, and all comes from there and goes back to it.
+// SAFETY: all memory comes from the system's allocator and goes back to it.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller keeps the contract of GlobalAlloc.
         or_end(unsafe { System.alloc(layout) }, layout.size())
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller keeps the contract of GlobalAlloc.
         or_end(unsafe { System.alloc_zeroed(layout) }, layout.size())
     }
 
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller keeps the contract of GlobalAlloc.
         or_end(unsafe { System.realloc(memory, layout, bytes) }, bytes)
     }
 
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller keeps the contract of GlobalAlloc.
         unsafe { System.dealloc(memory, layout) }
     }
 }

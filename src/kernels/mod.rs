@@ -87,12 +87,12 @@ pub use tiles::{
 pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, bytes};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, PacketOpCode, Shape};
 
-/// The objects that build.rs assembled and compiled, by the names of their sources, to be
-/// disassembled.
+/// The objects that build.rs assembled and compiled, with the names of their sources. They are
+/// there to be disassembled.
 #[cfg(feature = "lab")]
 pub static OBJECTS: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/objects.rs"));
 
-/// The tables of source lines that build.rs made of the units with the engines' kernels;
+/// The tables of source lines that build.rs makes for the units with the engines' kernels.
 /// lab/src/measure/source.rs reads them.
 #[cfg(feature = "lab")]
 pub static LINES: [&[u8]; Isa::ALL.len()] = [

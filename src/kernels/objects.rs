@@ -12,21 +12,21 @@ use super::records::{Candidate, Sphere, Triangle};
 /// A range of [`Faces`].
 #[derive(Clone, Copy, Debug)]
 pub struct FacePart<'a> {
-    /// Including the one of padding after them.
+    /// The vertices, followed by one of padding.
     vertices: &'a [Vec3],
-    /// None of them is that one.
+    /// The corner indices of the faces; none refers to the padding.
     corners: &'a [[u32; 3]],
     colours: &'a [ColourRun],
-    /// The index of the first of these faces among those of the colours.
+    /// The index of the first of these faces, as the colour runs count faces.
     first: usize,
 }
 
 impl<'a> FacePart<'a> {
-    /// Faces of all `vertices` but the last, which is padding. `corners` may not contain its index,
-    /// nor one beyond [`Faces::MOST_VERTICES`].
+    /// Faces with all `vertices` but the last, which is padding. `corners` must not contain the
+    /// index of that one, nor an index beyond [`Faces::MOST_VERTICES`].
     ///
     /// # Panics
-    /// If they do.
+    /// If `corners` contains such an index.
     pub fn new(vertices: &'a [Vec3], corners: &'a [[u32; 3]], colours: &'a [ColourRun]) -> Self {
         let most = corners.as_flattened().iter().copied().reduce(u32::max);
         let past = vertices.len().min(Faces::MOST_VERTICES + 1);
@@ -34,12 +34,12 @@ impl<'a> FacePart<'a> {
         FacePart { vertices, corners, colours, first: 0 }
     }
 
-    /// Writes the colours of the `seen` candidates, one channel after another, as bits.
+    /// Writes the colours of the candidates as bits, one channel after the other.
     pub(super) fn paint(&self, candidates: &[Candidate], channels: [&mut [u32]; 3]) {
         let number = |candidate: &Candidate| self.first + candidate.id as usize;
         let Some(first) = candidates.first() else { return };
         let FacesOfColour { faces: run, colour } = run_of_colour(self.colours, number(first));
-        // Nearly always they have the same.
+        // Nearly always all candidates have the same colour.
         if self.colours.len() == 1 || candidates.iter().all(|candidate| run.contains(&number(candidate))) {
             let colour = colour.to_array().map(f32::to_bits);
             return channels.into_iter().zip(colour).for_each(|(channel, of)| channel[..candidates.len()].fill(of));
@@ -62,27 +62,27 @@ impl<'a> From<&'a Faces> for FacePart<'a> {
 /// A range of a scene's triangles.
 #[derive(Clone, Copy, Debug)]
 pub enum TriangleList<'a> {
-    /// Each with corners of its own.
+    /// Triangles with corners of their own.
     Apart(&'a [Triangle]),
-    /// Those that share theirs.
+    /// Triangles that share their corners.
     Joined(FacePart<'a>),
 }
 
-/// A range of objects of one kind, as a scene has them and kernels read them.
+/// A range of objects of one kind, as a scene stores them and kernels read them.
 ///
 /// # Safety
-/// At the first address are [`ObjectList::len`] objects, as the kernels of this kind read them; if
-/// these are faces, the second is that of their vertices, followed by 4 readable bytes, and
-/// otherwise 0.
+/// The first address has [`ObjectList::len`] objects, as kernels of this kind read them. If they
+/// are faces, the second address is that of their vertices, followed by 4 readable bytes; otherwise
+/// it is 0.
 pub unsafe trait ObjectList: Copy + Send + Sync {
     type Object;
     /// The number of objects.
     fn len(self) -> usize;
     fn part(self, range: Range<usize>) -> Self;
     fn get(self, at: usize) -> Self::Object;
-    /// The addresses of the objects and of their vertices.
+    /// The address of the objects, and that of their vertices.
     fn addresses(self) -> [u64; 2];
-    /// Colours that kernels do not read.
+    /// The colours, if kernels do not read them with the objects; otherwise none.
     fn colours(self) -> impl Iterator<Item = Vec3>;
 
     fn is_empty(self) -> bool {
@@ -90,7 +90,7 @@ pub unsafe trait ObjectList: Copy + Send + Sync {
     }
 }
 
-// SAFETY: a slice of them, where set-up reads spheres in place.
+// SAFETY: a slice of spheres, which set-up reads as they are.
 unsafe impl ObjectList for &[Sphere] {
     type Object = Sphere;
     fn len(self) -> usize {
@@ -111,7 +111,7 @@ unsafe impl ObjectList for &[Sphere] {
 }
 
 impl TriangleList<'_> {
-    /// The corners of a triangle.
+    /// The corners of the triangle at an index.
     #[inline]
     pub fn vertices(&self, at: usize) -> [Vec3; 3] {
         match self {
@@ -121,8 +121,8 @@ impl TriangleList<'_> {
     }
 }
 
-// SAFETY: a slice of triangles; or one of faces, whose numbers are those of vertices, behind which
-// there is one more.
+// SAFETY: a slice of triangles; or a slice of faces, whose numbers are indices of vertices, after
+// which there is one more vertex.
 unsafe impl ObjectList for TriangleList<'_> {
     type Object = Triangle;
     fn len(self) -> usize {

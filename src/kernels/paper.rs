@@ -1,4 +1,4 @@
-//! The arguments of the paper's kernels: its operations, and its Algorithm 1 over rows.
+//! The arguments of the paper's kernels: operations, and Algorithm 1 over rows.
 
 use std::ops::Range;
 
@@ -13,24 +13,24 @@ kinds! {
     /// Writes the result for `a` and `b` to `out`.
     fn call_into(out: &mut O, a: &A, b: &B); |way| {
         let Way::Code(enter) = way;
-        // One value of each type, for which any bits are valid.
+        // Each argument is one value of a type for which any bits are valid.
         enter([writes(out), reads(a), reads(b), 0, 0, 0]);
     }
 
-    /// Algorithm 1 over whole rows of an image: of a [`Trace`] or of [`Hits`].
+    /// Algorithm 1 over whole rows of an image: a [`Trace`] or [`Hits`].
     RowsOf<P: Plain>
 
     /// Writes `rows` of the image to `out`, row by row.
     ///
     /// # Panics
-    /// If `out` is not `frame.width` x the number of rows long.
+    /// If `out` does not have `frame.width` times the number of rows pixels.
     fn call(frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]); |way| {
         let Way::Code(enter) = way;
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         if pixels > 0 {
-            // The lists are as long as they say. There is a row, a column, and in `out` the place
-            // of each pixel.
+            // The lists have the lengths that are passed. There is at least one row and one column,
+            // and `out` has room for each pixel.
             let Objects { lights, spheres, triangles } = objects;
             let lists = Lists {
                 lights: reads(lights),
@@ -54,15 +54,15 @@ impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
     }
 }
 
-/// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not
-/// clamped.
+/// Algorithm 1 over whole rows of an image. A pixel is linear red, green, blue, not clamped, and 0.
 pub type Trace = RowsOf<Vec4>;
 
-/// The same, with the surface hit in place of a colour: the nearest one, with t in its point's
-/// fourth lane, or 0.
+/// As [`Trace`], with the nearest surface that is hit instead of a colour. Its point has t in the
+/// fourth lane, or 0 if nothing is hit.
 pub type Hits = RowsOf<Surface>;
 
-/// One operation of a table, by the types it works on: for tests, counts and benches.
+/// An operation of a table, by the types of its arguments and result: for tests, counts and
+/// benches.
 #[derive(Clone, Copy)]
 pub enum OpRef {
     /// (vector, vector) -> vector.
@@ -80,7 +80,7 @@ pub enum OpRef {
 }
 
 impl OpRef {
-    /// The symbol of its code.
+    /// The symbol of the operation's code.
     pub fn symbol(self) -> &'static str {
         match self {
             OpRef::Vector(op) => op.symbol(),

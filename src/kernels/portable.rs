@@ -1,8 +1,8 @@
-//! The packet kernels in Rust, for any CPU: the twins of those in asm/tracers, to the last bit
-//! unless these estimate.
+//! The packet kernels in Rust, for any CPU: the twins of the kernels in asm/tracers, equal to the
+//! last bit except where these use estimates.
 //!
-//! Each formula is written once in assembly and once here. A table with the lanes and the rounding
-//! of an instruction set has the twins of its kernels.
+//! Each formula is written once in assembly and once here. A table of these kernels with the lanes
+//! and the rounding of an instruction set has the twins of that set's kernels.
 
 pub mod lanes;
 pub mod nearest;
@@ -25,9 +25,9 @@ use super::shadows::{Cast, Casters, Meet, Points, Seen};
 use super::tiles::{Around, Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading};
 use super::types::Vec4;
 
-/// Whether the compiler may use an instruction that adds a product and rounds once.
+/// Whether the compiler may use fused multiply-add instructions.
 pub const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
-/// The number of f32 in a register that the compiler may use; 4 if it knows of none.
+/// The number of f32 in a vector register that the compiler may use; 4 if it knows of none.
 const LANES: usize = if cfg!(target_feature = "avx512f") {
     16
 } else if cfg!(target_feature = "avx2") {
@@ -38,15 +38,15 @@ const LANES: usize = if cfg!(target_feature = "avx512f") {
 
 static PACKETS: PacketKernels = packets::<LANES, { LANES / 2 }, FUSED>();
 
-/// The packet kernels in Rust, with the CPU features that this build assumes.
+/// The packet kernels in Rust, compiled for the CPU features that this build assumes.
 pub fn portable() -> &'static PacketKernels {
     &PACKETS
 }
 
-/// Packet kernels in Rust of `N` lanes in f32, and half as many in f64; a product and a sum are
-/// rounded once if `FUSED`.
+/// Packet kernels in Rust with `N` lanes in f32 and half as many in f64. If `FUSED`, a product and
+/// its sum are rounded together.
 pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> PacketKernels {
-    // More would not divide what kernels share.
+    // More lanes would not divide the sizes of what kernels share.
     const { assert!(N <= 16 && HALF <= 8) };
     PacketKernels {
         single: elements::<Packet<f32, N, FUSED>, Packet<f64, HALF, FUSED>, f32>(),
@@ -70,7 +70,7 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
     }
 }
 
-/// Those of rows, with true roots where kernels in assembly have estimates.
+/// The kernels of rows, with correctly rounded roots where kernels in assembly use estimates.
 const fn lit<L: Lanes<Number = E>, E: Number, const GREY: bool>() -> LitBodies<E> {
     LitBodies {
         f32x4: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x4"),
@@ -79,8 +79,8 @@ const fn lit<L: Lanes<Number = E>, E: Number, const GREY: bool>() -> LitBodies<E
     }
 }
 
-/// The kernels for one type of elements: L is a packet of pixels, W the packet in which objects are
-/// set up.
+/// The kernels for one element type. L is a packet of pixels, W the packet in which objects are set
+/// up.
 const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> ElementKernels<E> {
     ElementKernels {
         lanes: L::COUNT,
@@ -108,7 +108,7 @@ const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> 
 macro_rules! compiled {
     ($($name:ident, $features:literal, $lanes:literal, $fused:literal;)*) => {$(
         /// # Safety
-        /// The CPU is of the level.
+        /// The CPU supports the level.
         #[cfg_attr(target_arch = "x86_64", target_feature(enable = $features))]
         pub unsafe fn $name(sphere: &LitSphere<f32>, rows: &LitRows<f32>, out: &mut [Rgba8], width: usize) {
             rows::shade_rows::<Packet<f32, $lanes, $fused>, Rgba8, true>(sphere, rows, out, width);
@@ -122,8 +122,9 @@ compiled! {
     grey_v4, "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,fma", 16, true;
 }
 
-/// n / t at a pixel that is `x`, `y` from a sphere's own origin, by the operations of kernels in
-/// f32 (`single`) or f64, with a product and a sum rounded once (`fused`) or twice.
+/// n / t at a pixel with the coordinates `x` and `y` relative to a sphere's own origin, by the
+/// operations of kernels in f32 (`single`) or f64. If `fused`, a product and its sum are rounded
+/// together.
 pub fn normal_over_t([single, fused]: [bool; 2], sphere: &TileSphere<f64>, x: f64, y: f64) -> [f64; 3] {
     fn of<L: Lanes>(sphere: &TileSphere<f64>, x: f64, y: f64) -> [f64; 3] {
         shade::normal_over_t(&sphere.round(), L::of(x), L::of(y)).map(|n| n.lane(0).to_f64())

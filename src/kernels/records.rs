@@ -1,5 +1,5 @@
-//! The records of the packet and the tile kernels, in f32 or f64, as the `struc` blocks of
-//! asm/include define them.
+//! The records of the packet and tile kernels, in f32 or f64, with the layout of the `struc` blocks
+//! in asm/include.
 
 use glam::Vec3;
 
@@ -8,16 +8,18 @@ use super::types::{Frame, Light, PaperSphere, PaperTriangle, Surface, Vec4};
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
 pub trait Element: Plain + Default + PartialOrd + Send + Sync {
-    /// The difference of 1 and the next number: twice the largest relative error of a rounding.
+    /// The difference of 1 and the next larger number, which is twice the largest relative error of
+    /// a rounding.
     const EPSILON: f64;
-    /// Rounded to nearest.
+    /// `x`, rounded to nearest.
     fn from_f64(x: f64) -> Self;
-    /// Exact.
+    /// The number in f64, which is exact.
     fn to_f64(self) -> f64;
     /// Converts an integer from 0 to 2^24.
     #[inline]
     fn to_index(self) -> u32 {
-        // Integers below 2^52 are the last bits of their sums with it: many are converted at once.
+        // An integer below 2^52 is in the last bits of its sum with 2^52, so that the compiler can
+        // convert many at once.
         (self.to_f64() + 4_503_599_627_370_496.0).to_bits() as u32
     }
 }
@@ -42,7 +44,7 @@ impl Element for f64 {
     }
 }
 
-/// Defines a record of elements, and its rounding from f64.
+/// Defines a record of elements, and how it is rounded from f64.
 macro_rules! elements {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident,)* }) => {
         $(#[$doc])*
@@ -54,33 +56,34 @@ macro_rules! elements {
         }
 
         impl $name<f64> {
-            /// Every field rounded once.
+            /// The record with every field rounded once.
             pub fn round<E: Element>(self) -> $name<E> {
                 $name { $($field: E::from_f64(self.$field)),* }
             }
         }
 
         impl<E: Element> $name<E> {
-            /// Every field exactly.
+            /// The record with every field in f64, which is exact.
             pub fn widen(self) -> $name<f64> {
                 $name { $($field: self.$field.to_f64()),* }
             }
 
-            /// Its fields, in their order.
+            /// The fields, in their order.
             pub fn numbers(&self) -> Vec<E> {
                 vec![$(self.$field),*]
             }
         }
 
-        // SAFETY: nothing but elements, all of one size, which fill it.
+        // SAFETY: the record consists of elements only, all of the same size, which leave no
+        // padding.
         unsafe impl<E: Element> Plain for $name<E> {
             const ZERO: Self = $name { $($field: E::ZERO),* };
         }
     };
 }
 
-/// Defines many records transposed: the elements of one field, then those of the next. Words of 32
-/// bits may be floats.
+/// Defines an array of records, transposed: the elements of one field come before those of the
+/// next. 32-bit words may be floats.
 macro_rules! columns {
     ($(#[$doc:meta])* $name:ident $(<$element:ident>)?: $type:ty, $len:literal {
         $($(#[$field_doc:meta])* $field:ident,)*
@@ -95,15 +98,15 @@ macro_rules! columns {
 
         const _: () = assert!($len % 16 == 0, "a field of numbers of 32 bits or more fills its 64 bytes");
 
-        // SAFETY: nothing but numbers, all of one size, which fill it, as just asserted.
+        // SAFETY: the record consists of numbers only, all of the same size, which leave no
+        // padding, as just asserted.
         unsafe impl $(<$element: Element>)? Plain for $name $(<$element>)? {
             const ZERO: Self = $name { $($field: [<$type as Plain>::ZERO; $len]),* };
         }
     };
 }
 
-/// Defines the arguments of a kernel that are passed in memory: addresses, counts and numbers in
-/// f64, as bits.
+/// Defines a kernel's arguments that are passed in memory: addresses, counts, and the bits of f64.
 macro_rules! words {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident,)* }) => {
         $(#[$doc])*
@@ -116,7 +119,7 @@ macro_rules! words {
     };
 }
 
-/// Asserts the offsets of a record whose fields have types of their own.
+/// Asserts the size and the offsets of a record whose fields have different types.
 macro_rules! layout_checks {
     ($type:ty, $size:literal, { $($field:ident: $offset:literal,)* }) => {
         const _: () = {
@@ -146,7 +149,8 @@ pub struct TilePoints {
     pub seen: [[f32; TILE_PIXELS]; 2],
 }
 
-// SAFETY: nothing but numbers, which fill it, as the offsets asserted show.
+// SAFETY: the record consists of numbers only, which leave no padding, as the asserted offsets
+// show.
 unsafe impl Plain for TilePoints {
     const ZERO: Self = TilePoints {
         x: [0.0; TILE_PIXELS],
@@ -157,7 +161,7 @@ unsafe impl Plain for TilePoints {
     };
 }
 
-/// A flat triangle, seen from both sides: as a scene holds it, where set-up reads it in place.
+/// A flat triangle that is seen from both sides, as a scene stores it and set-up reads it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Triangle {
@@ -167,17 +171,17 @@ pub struct Triangle {
     pub vertices: [Vec3; 3],
 }
 
-// SAFETY: twelve floats that fill it, as the offsets asserted below show.
+// SAFETY: twelve floats that leave no padding, as the offsets asserted below show.
 unsafe impl Plain for Triangle {
     const ZERO: Self = Triangle { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
 }
 
-/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`. As a scene holds
-/// it, where set-up reads it in place.
+/// A sphere, eq. 2 of the paper: all points at the distance `radius` from `centre`. The layout is
+/// that in which a scene stores it and set-up reads it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Sphere {
-    /// Greater than 0.
+    /// The radius, greater than 0.
     pub radius: f32,
     /// Red, green, blue, each at least 0.
     pub colour: Vec3,
@@ -185,7 +189,7 @@ pub struct Sphere {
     pub centre: Vec3,
 }
 
-// SAFETY: seven floats that fill it, as the offsets asserted below show.
+// SAFETY: seven floats that leave no padding, as the offsets asserted below show.
 unsafe impl Plain for Sphere {
     const ZERO: Self = Sphere { radius: 0.0, colour: Vec3::ZERO, centre: Vec3::ZERO };
 }
@@ -194,23 +198,24 @@ unsafe impl Plain for Sphere {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Candidate {
-    /// Its index in the scene.
+    /// The object's index in the scene.
     pub id: u32,
-    /// The columns of the picture where it may be: the first, and one past the last in the upper 16
-    /// bits.
+    /// The columns of the picture where the object may be: the first, and in the upper 16 bits one
+    /// past the last.
     pub columns: u32,
     pub rows: u32,
-    /// Upper bound of its 1/t: [`Candidate::ANY`] if it has none, infinity if that is beyond f32.
+    /// An upper bound of the object's 1/t: [`Candidate::ANY`] if it has none, infinity if the bound
+    /// is beyond f32.
     pub most: f32,
 }
 
 impl Candidate {
-    /// The `most` of a triangle that reaches behind the camera's plane, or of a sphere that does or
-    /// is around the camera, which has a kernel of its own.
+    /// The `most` of a triangle that extends behind the camera's plane, and of a sphere that does
+    /// or that contains the camera; such spheres have a kernel of their own.
     pub const ANY: f32 = f32::MAX;
 }
 
-// SAFETY: four numbers that fill it, as the offsets asserted below show.
+// SAFETY: four numbers that leave no padding, as the offsets asserted below show.
 unsafe impl Plain for Candidate {
     const ZERO: Self = Candidate { id: 0, columns: 0, rows: 0, most: 0.0 };
 }
@@ -218,11 +223,11 @@ unsafe impl Plain for Candidate {
 /// The number of rows in [`LitRows`].
 pub const LIT_ROWS: usize = 64;
 
-/// Defines one of the rows in [`LitRows`].
+/// Defines a row of [`LitRows`] as a record.
 macro_rules! lit_row {
     ($($field:ident)*) => {
         elements! {
-            /// A row of a [`LitSphere`].
+            /// A row of a picture of a [`LitSphere`].
             LitRow { $($field,)* }
         }
 
@@ -242,10 +247,10 @@ lit_row! { start end j stop m a h0 q0 }
 /// The position of a light relative to the camera, and a 0.
 pub type LightPosition<E> = [E; 4];
 
-/// More elements than any register has.
+/// At least as many elements as any register has.
 pub(super) const MOST_LANES: usize = 16;
 
-/// As the kernel `bounds` writes them.
+/// The record that the kernel `bounds` writes.
 #[repr(C)]
 pub(super) struct BoundsFound {
     pub most: [u32; MOST_LANES],

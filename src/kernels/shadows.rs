@@ -1,5 +1,5 @@
-//! The arguments of the kernels of shadows: the visible points of a tile, and the objects that may
-//! hide a light from them.
+//! The arguments of the kernels of shadows: the visible points of a tile, and objects that may hide
+//! a light from them.
 
 use std::fmt::{Debug, Formatter, Result};
 use std::ops::Range;
@@ -13,21 +13,21 @@ use super::records::{
 use super::tiles::TileBuffers;
 use super::types::Plain;
 
-/// The objects of a block.
+/// The number of objects in a block.
 pub(super) const BLOCK: usize = 16;
 
-/// The groups of a tile.
+/// The number of groups of points in a tile.
 pub const GROUPS: usize = TILE_PIXELS / GROUP;
 
 kinds! {
-    /// Computes what is visible at the pixels of a tile.
+    /// Finds the visible points at the pixels of a tile.
     Points<E: Element> as fn(&PointView<f64>, &[E; TILE_PIXELS], [u32; 2], &[PointObject<f64>], &mut TilePoints);
 
-    /// Sets the points of a tile, whose first pixel is in this column and row of the picture.
-    /// `objects` has those of the tile by their ids, from 0 on.
+    /// Sets the points of the tile whose first pixel is in this column and row of the picture.
+    /// `objects` has the objects of the tile by their ids, from 0 on.
     ///
     /// # Panics
-    /// If it has not all.
+    /// If `objects` lacks an id of the tile.
     fn call(
         view: &PointView<f64>, buffers: &TileBuffers<E>, first: [u32; 2], objects: &[PointObject<f64>],
         points: &mut TilePoints,
@@ -43,13 +43,13 @@ kinds! {
         }
     }
 
-    /// Finds how a light sees the points of a tile.
+    /// Finds where a light sees the points of a tile.
     Seen as fn(&LightSideView<f64>, [&[f64; TILE_PIXELS]; 3], &mut LitGroups, &mut [[f32; TILE_PIXELS]; 2]);
 
-    /// Sets where the points of the groups that are open are seen, and the bounds of these; `axis`
-    /// says which coordinate is the depth, 0 to 2.
+    /// Sets where the light sees the points of those groups that have open points, and the bounds
+    /// of these groups. `axis` says which coordinate is the depth, from 0 to 2.
     fn call(view: &LightSideView<f64>, points: &mut TilePoints, axis: usize, groups: &mut LitGroups); |way| {
-        // Fields of the record, which is aligned.
+        // These are fields of a record that is aligned.
         let TilePoints { x, y, z, seen, .. } = points;
         let axes = axes(axis).map(|axis| [&*x, &*y, &*z][axis]);
         match way {
@@ -61,15 +61,15 @@ kinds! {
         }
     }
 
-    /// Computes how a light sees triangles.
+    /// Finds where a light sees triangles.
     Cast as fn(&LightSideView<f64>, [usize; 3], TriangleList<'_>, u32, &mut CasterList);
 
-    /// Sets the bounds and the edges of triangles that are in a list by their places in the scene,
-    /// where those of `triangles` begin with `first`; `axis` says which coordinate is the depth, 0
-    /// to 2.
+    /// Sets the bounds and the edges of the triangles in a list, which gives them by their places
+    /// in the scene; the places of `triangles` begin with `first`. `axis` says which coordinate is
+    /// the depth, from 0 to 2.
     ///
     /// # Panics
-    /// If one is not among `triangles`.
+    /// If a triangle of the list is not among `triangles`.
     fn call(
         view: &LightSideView<f64>, axis: usize, triangles: TriangleList<'_>, first: u32, arrays: &mut TriangleArrays,
         casters: &mut CasterList,
@@ -104,7 +104,7 @@ kinds! {
             }
             Way::Rust(cast) => cast(view, axes, triangles, first, casters),
         }
-        // The last block is filled up with its first one.
+        // The last block is filled up with objects that meet nothing.
         let last = casters.block_count() - 1;
         casters.bounds[last].x[(casters.count - 1) % BLOCK + 1..].fill(NOWHERE);
     }
@@ -112,19 +112,20 @@ kinds! {
     /// Finds the objects that may hide a light from groups of points.
     Meet as fn(Option<&TilePoints>, &LitGroups, Range<usize>, &mut CasterList);
 
-    /// Sets which objects of a list the `asking` groups meet, as the light [sees](Seen) both. With
-    /// `points` an object counts only if an open point of the group is within it: within its edges
-    /// if it is a triangle that was [cast](Cast), else within its bounds.
+    /// Lists the pairs of a group in `asking` and an object of the list whose bounds, as the light
+    /// [sees](Seen) both, meet. With `points` a pair counts only if an open point of the group is
+    /// within the object: within its edges if it is a triangle that was [cast](Cast), else within
+    /// its bounds.
     ///
     /// # Panics
-    /// If a tile has no such groups.
+    /// If `asking` has groups that a tile does not have.
     fn call(points: Option<&TilePoints>, groups: &LitGroups, asking: Range<usize>, casters: &mut CasterList); |way| {
         assert!(asking.end <= GROUPS, "groups of a tile");
         casters.met_count = 0;
         if casters.count == 0 || asking.is_empty() {
             return;
         }
-        // Room for all objects of all groups, and what is stored past them.
+        // There is room for all pairs, and for what is written beyond them.
         casters.met.resize(GROUPS * MOST_CASTERS + BLOCK, 0);
         match way {
             Way::Code(enter) => {
@@ -148,11 +149,11 @@ kinds! {
     /// Finds the points that some objects hide from a light.
     Casters<C: Plain> as fn(&LitPoints<'_>, &[C], &CasterList, &mut LitGroups);
 
-    /// Closes each open point that is hidden from the light by an object which its group
-    /// [meets](Meet). `casters` lists the numbers of these in `objects`.
+    /// Closes each open point that an object hides from the light, among the objects which its
+    /// group [meets](Meet). The list `casters` gives them by their numbers in `objects`.
     ///
     /// # Panics
-    /// If there is none with such a number.
+    /// If `objects` lacks one of these numbers.
     fn call(points: &LitPoints<'_>, objects: &[C], casters: &CasterList, groups: &mut LitGroups); |way| {
         let met = &casters.met[..casters.met_count];
         assert!(met.iter().all(|met| number(*met) < objects.len()), "objects with these numbers");
@@ -176,81 +177,82 @@ kinds! {
     }
 }
 
-/// Points of a tile under a light.
+/// The points of a tile, and a light that may reach them.
 #[derive(Clone, Copy)]
 pub struct LitPoints<'a> {
     pub points: &'a TilePoints,
     pub light: &'a [f64; 3],
 }
 
-/// The axes of a side of a light's cube that looks along one of them: across, down and depth.
+/// The axes of a side of a light's cube that is perpendicular to `axis`: across, down and depth.
 pub fn axes(axis: usize) -> [usize; 3] {
     [1, 2, 0].map(|next| (axis + next) % 3)
 }
 
-/// The bounds of an object, or of some that are next to each other in the scene, as a light sees
-/// them.
+/// The bounds, as a light sees them, of an object or of several that follow each other in the
+/// scene.
 #[derive(Clone, Copy, Default)]
 pub struct Extent {
-    /// The least x and y, in cells.
+    /// The least x and y, in cells; `high` are the greatest.
     pub low: [f32; 2],
     pub high: [f32; 2],
     pub depth: f32,
-    /// The first object's place in the scene.
+    /// The place in the scene of the first object.
     pub first: u32,
-    /// How many there are.
+    /// The number of objects.
     pub count: u32,
 }
 
 impl Extent {
-    /// The fields of [`CasterBounds`] that are compared.
+    /// The fields that are compared with those of [`CasterBounds`]; lower ends and the depth are
+    /// negated.
     fn ends(&self) -> [f32; 5] {
         let Extent { low, high, depth, .. } = self;
         [-low[0], -low[1], high[0], high[1], -depth]
     }
 }
 
-/// The place of an object in a scene, as the bits of an f32 that is unlike those of other places,
-/// above 0 and finite.
+/// An object's place in the scene, as the bits of an f32 that is finite, above 0, and different for
+/// every place.
 pub fn own_bits(place: u32) -> u32 {
     place + f32::MIN_POSITIVE.to_bits()
 }
 
-/// The number of an object: that f32.
+/// The number that identifies an object to kernels: the f32 with the bits [`own_bits`].
 pub fn own_number(place: u32) -> f64 {
     f32::from_bits(own_bits(place)).into()
 }
 
-/// Objects that may hide a light, in blocks: at most [`MOST_CASTERS`].
+/// Objects that may hide a light, in blocks. There are at most [`MOST_CASTERS`].
 pub struct CasterList {
     count: usize,
-    /// Of each block; there may be more.
+    /// The bounds of the objects, block by block; the vector may have more blocks.
     bounds: Vec<CasterBounds>,
-    /// Of blocks.
+    /// The bounds of whole blocks.
     blocks: CasterBounds,
-    /// Of triangles that were cast, with as many blocks.
+    /// The edges of triangles that were [cast](Cast), with as many blocks as `bounds`.
     edges: Vec<CasterEdges>,
     have_edges: bool,
-    /// Groups and numbers of objects that they [meet](Meet), sorted, and how many there are; there
-    /// may be more.
+    /// Pairs of a group and the number of an object that it [meets](Meet), sorted. The first
+    /// `met_count` count; the vector may have more.
     met: Vec<u32>,
     met_count: usize,
 }
 
 const _: () = assert!(MOST_CASTERS == 256, "the number of an object is the last byte of a pair");
 
-/// The number of an object that a group meets.
+/// The number of the object in a pair of a group and an object.
 pub(super) fn number(met: u32) -> usize {
     met as usize % MOST_CASTERS
 }
 
-/// The bits of a coordinate that meets no other: NaN.
+/// The bits of NaN, which as a coordinate meets no other.
 const NOWHERE: u32 = f32::NAN.to_bits();
 
-/// The number of several objects together, which no open point has, nor any group.
+/// The identifying number of several objects together, which neither a point nor a group has.
 const OF_SEVERAL: u32 = (-1.0f32).to_bits();
 
-/// No block.
+/// The bounds of no objects.
 const NO_BLOCKS: CasterBounds = CasterBounds {
     x: [NOWHERE; BLOCK],
     y: [NOWHERE; BLOCK],
@@ -285,31 +287,31 @@ impl Debug for CasterList {
 /// An object of a list that some group of points meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MetCaster {
-    /// Its number in the list.
+    /// The object's number in the list.
     pub number: usize,
-    /// Its place in the scene.
+    /// The object's place in the scene.
     pub place: u32,
 }
 
-/// A group of points, and the objects that it meets.
+/// A group of points, and the pairs with the objects that it meets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MetByGroup<'a> {
     pub(super) group: usize,
     pub(super) met: &'a [u32],
 }
 
-/// A block of objects of a list.
+/// A block of the objects of a list.
 pub(super) struct CasterBlock<'a> {
     pub(super) bounds: &'a mut CasterBounds,
     pub(super) edges: &'a mut CasterEdges,
 }
 
 impl CasterList {
-    /// Adds the objects of an extent, which become the bounds of one alone: those of several are
-    /// left to [`Cast`].
+    /// Adds the objects of an extent. For a single object the extent gives its bounds; the bounds
+    /// of several are set later, by [`Cast`].
     ///
     /// # Panics
-    /// If there is no room.
+    /// If the list has no room for them.
     pub fn push(&mut self, extent: &Extent) {
         let Extent { first, count, .. } = extent;
         assert!(self.count + *count as usize <= MOST_CASTERS, "{count} casters more than {}", self.count);
@@ -328,10 +330,11 @@ impl CasterList {
         }
     }
 
-    /// Adds an extent as one object, to find out whether a group meets any of what it holds.
+    /// Adds an extent as a single object, to find out whether a group meets any of the objects in
+    /// it.
     ///
     /// # Panics
-    /// If there is no room.
+    /// If the list has no room for it.
     #[inline(always)]
     pub fn push_as_one(&mut self, extent: &Extent) {
         let own = if extent.count == 1 { own_bits(extent.first) } else { OF_SEVERAL };
@@ -343,7 +346,7 @@ impl CasterList {
         self.count += 1;
     }
 
-    /// Widens the bounds of the block of the next object by its own.
+    /// Widens the bounds of the block that the next object goes to by the object's bounds.
     #[inline(always)]
     fn widen_block(&mut self, extent: &Extent) {
         assert!(self.count < MOST_CASTERS, "more than {MOST_CASTERS} casters");
@@ -355,7 +358,8 @@ impl CasterList {
         }
     }
 
-    /// The block of the next object: `own` fills a new one up.
+    /// The block that the next object goes to. If it is new, it is filled with the identifying
+    /// number `own`.
     #[inline(always)]
     fn last_block(&mut self, own: u32) -> &mut CasterBounds {
         let block = self.count / BLOCK;
@@ -368,12 +372,12 @@ impl CasterList {
         &mut self.bounds[block]
     }
 
-    /// Removes all.
+    /// Removes all objects.
     pub fn clear(&mut self) {
         (self.count, self.have_edges, self.blocks) = (0, false, NO_BLOCKS);
     }
 
-    /// The objects that groups [meet](Meet), in order.
+    /// The objects that some group [meets](Meet), in order.
     pub fn each_met(&self) -> impl Iterator<Item = MetCaster> {
         let mut are_met = [0u64; MOST_CASTERS / 64];
         for met in &self.met[..self.met_count] {
@@ -392,7 +396,7 @@ impl CasterList {
         })
     }
 
-    /// The groups that meet some objects.
+    /// The groups that meet objects, each with its pairs.
     pub(super) fn met(&self) -> impl Iterator<Item = MetByGroup<'_>> {
         let group = |met: u32| met as usize / MOST_CASTERS;
         let by_group = self.met[..self.met_count].chunk_by(move |a, b| group(*a) == group(*b));
@@ -410,9 +414,9 @@ impl CasterList {
         blocks.map(|(bounds, edges)| CasterBlock { bounds, edges })
     }
 
-    /// Sets which objects each of the `asking` groups meets: those whose bounds meet the group's
-    /// and for which `is_kept` holds, called with the group, the object's block, the edges of this,
-    /// and the object's index in it.
+    /// Lists the pairs of a group in `asking` and an object whose bounds meet the group's and for
+    /// which `is_kept` holds. That is called with the group, the object's block of bounds and of
+    /// edges, and the object's index in the block.
     pub(super) fn set_met(
         &mut self,
         groups: &LitGroups,

@@ -1,19 +1,19 @@
-//! Executed instructions, counted exactly: the trap flag makes the CPU stop after each one, and a
-//! handler counts.
+//! Counts executed instructions exactly: the trap flag makes the CPU stop after each one, and a
+//! signal handler counts.
 //!
-//! While the flag is set in the flags register of a thread, the CPU raises a debug exception after
-//! every instruction that the thread executes in user mode, which the operating system delivers as
+//! While the trap flag is set in a thread's flags register, the CPU raises a debug exception after
+//! every instruction that the thread executes in user mode, and the operating system delivers it as
 //! SIGTRAP. That needs no privilege and no hardware counter, works for any instruction set, and
-//! costs some microseconds a step.
+//! takes some microseconds per instruction.
 //!
-//! Every instruction counts once. A string instruction with a repeat prefix is one, however often
-//! it repeats. A system call and the instruction after it count as one, since the CPU clears the
-//! flag on the way into the kernel.
+//! Every instruction counts once. A string instruction with a repeat prefix counts once, however
+//! often it repeats. A system call and the instruction after it count as one, since the CPU clears
+//! the flag on its way into the operating system.
 //!
-//! For code that it is told to watch, [`record`] also keeps the registers between instructions.
+//! For code in given ranges [`record`] also keeps the registers between instructions.
 //!
-//! For the kernels of a picture, [`visits`] and [`record_kernels`] set the flag only while they
-//! run: what calls them takes no longer than usual.
+//! For the kernels of a picture [`visits`] and [`record_kernels`] set the flag only while these
+//! run, so that their callers take no longer than usual.
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod recorder;
@@ -30,7 +30,7 @@ use super::memory::try_reserve;
 use imp::Recorder;
 pub use recording::{MemoryOperand, Recording, State, Step, Touched, Visit, VisitRecord, memory_operand};
 
-/// Why instructions cannot be counted here.
+/// Why instructions cannot be counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unavailable {
     #[error("single-stepping is written for Linux on x86-64")]
@@ -42,16 +42,16 @@ pub enum Unavailable {
     },
     #[error("the trap flag has no effect here, as under valgrind and some emulators")]
     NoTrap,
-    /// Traps came, but not one for each instruction of a known sequence.
+    /// Traps occurred, but not one for each instruction of a known sequence.
     #[error("the trap flag is not exact here: {counted} traps for {executed} instructions")]
     Inexact {
-        /// Instructions in the sequence.
+        /// The number of instructions in the sequence.
         executed: u64,
-        /// Traps received.
+        /// The number of traps.
         counted: u64,
     },
-    /// A thread or a process that the code starts would inherit the flag and die of it; or the code
-    /// blocks or handles the signal; or it, or the hypervisor, cleared the flag.
+    /// The code may start a thread or a process, which would inherit the flag and be killed by it;
+    /// it may block or handle the signal; or it, or the hypervisor, may clear the flag.
     #[error(
         "the traps ceased before the end: what is counted starts a thread or a process, or something cleared the trap flag"
     )]
@@ -63,24 +63,23 @@ pub enum Unavailable {
     },
     #[error("the handler of SIGTRAP could not be installed: {}", std::io::Error::from_raw_os_error(*errno))]
     Handler {
-        /// Its error number.
+        /// The system's error number.
         errno: i32,
     },
 }
 
-/// The instructions that the calls of one function executed.
+/// The instructions that all calls of one function executed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Visits {
     pub calls: u64,
-    /// Instructions from its entry to its return, both included, with those of all functions that
-    /// it called.
+    /// The number of instructions from the function's entry to its return, both included, with
+    /// those of all functions that it calls.
     pub instructions: u64,
-    /// The number of executions of the instruction at each byte of the function; 0 for bytes at
-    /// which none begins.
+    /// For each byte of the function how often an instruction that begins there was executed.
     pub at: Vec<u64>,
 }
 
-/// The instructions that the thread executes in `action`, the call of the closure itself included.
+/// Counts the instructions that the thread executes in `action`, the call of the closure included.
 ///
 /// # Errors
 /// If single-stepping is not available or not exact.
@@ -92,10 +91,11 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
     imp::run(0, 0, None, action).map(|counts| counts.total)
 }
 
-/// The instructions of the function of `bytes` bytes at `address`, or as many as there are of this
-/// program's code, and of what it calls, over all its calls in `action`.
+/// Counts the instructions of the function that begins at `address`, and of what it calls, over all
+/// its calls in `action`. The function has `bytes` bytes, or ends earlier if the program's code
+/// does.
 ///
-/// There are no calls if no function begins at `address`.
+/// The result has no calls if no function begins at `address`.
 ///
 /// # Errors
 /// If single-stepping is not available or not exact.
@@ -108,8 +108,8 @@ pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Re
     imp::run(address, bytes, None, action).map(|counts| counts.visits)
 }
 
-/// The executions of instructions at the addresses `watched` in the kernels of pictures that
-/// `action` calls, at most the first `most`. After them the thread goes on without single-stepping.
+/// Lists the executions of instructions at the addresses `watched` in the kernels of pictures that
+/// `action` calls: the first `most`. After these the thread runs on without single-stepping.
 ///
 /// # Errors
 /// If single-stepping is not available or not exact.
@@ -123,7 +123,7 @@ pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> R
     Ok(recorder.into_visits())
 }
 
-/// The same by checked calls, and up to the crash of a kernel, if one of them crashes.
+/// As [`visits`], with checked calls. If a kernel crashes, the list ends there.
 ///
 /// # Errors
 /// As [`visits`].
@@ -141,9 +141,9 @@ pub fn visits_until_crash(
     Ok(recorder.into_visits())
 }
 
-/// The instructions that the thread executes in `action` at the addresses `watched`, with all
-/// registers and the memory they touch: of those whose indices are `wanted`, in ascending order,
-/// the first `most`. Memory is taken for these.
+/// Records the instructions that the thread executes in `action` at the addresses `watched`, with
+/// all registers and the memory that each accesses: those whose indices are `wanted`, in ascending
+/// order, and at most `most` of them, for which memory is reserved.
 ///
 /// # Errors
 /// If single-stepping is not available or not exact.
@@ -162,7 +162,7 @@ pub fn record(
     Ok(recorder.into_recording())
 }
 
-/// The same, but only in the kernels of pictures that `action` calls.
+/// As [`record`], but only in the kernels of pictures that `action` calls.
 ///
 /// # Errors
 /// As [`record`].
@@ -181,7 +181,7 @@ pub fn record_kernels(
     Ok(recorder.into_recording())
 }
 
-/// The same by checked calls, and up to the crash of a kernel, if one of them crashes.
+/// As [`record_kernels`], with checked calls. If a kernel crashes, the recording ends there.
 ///
 /// # Errors
 /// As [`record`].
@@ -200,8 +200,8 @@ pub fn record_until_crash(
     Ok(Recording { crashed, ..recorder.into_recording() })
 }
 
-/// Single-steps through `action`, what is not of kernels too; returns the crash of a kernel that
-/// ended it, and with it the single-stepping.
+/// Single-steps through `action`, including what is not in kernels. If a kernel crashes, that ends
+/// `action` and the single-stepping, and the crash is returned.
 fn run_until_crash(recorder: &mut Recorder, action: impl FnOnce()) -> Result<Option<Box<Crashed>>, Unavailable> {
     let mut crashed = None;
     let counts = imp::run(0, 0, Some(recorder), || crashed = examine(action).result.err());
@@ -211,14 +211,14 @@ fn run_until_crash(recorder: &mut Recorder, action: impl FnOnce()) -> Result<Opt
     Ok(crashed)
 }
 
-/// Checks that there is code in all these ranges, which the handler reads.
+/// Checks that all these ranges are code, which the handler reads.
 fn check_code(watched: &[Range<usize>]) -> &[Range<usize>] {
     let is_code = |range: &Range<usize>| code_at(range.start).is_some_and(|code| range.len() <= code.len());
     assert!(watched.iter().all(is_code), "code of this process");
     watched
 }
 
-/// Memory for `most` records, since the handler does not allocate.
+/// Reserves memory for `most` records, since the handler cannot allocate.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn room<T>(most: usize) -> Result<Vec<T>, Unavailable> {
     let mut room = Vec::new();
@@ -227,7 +227,7 @@ fn room<T>(most: usize) -> Result<Vec<T>, Unavailable> {
     Ok(room)
 }
 
-/// The counts of one run.
+/// The counts of one run of an action.
 struct Counts {
     total: u64,
     visits: Visits,
@@ -249,27 +249,27 @@ mod imp {
     use super::{Code, Counts, Registers, Unavailable, Visits};
     use crate::kernels::kernel::calling_through;
 
-    /// In the flags register.
+    /// The trap flag in the flags register.
     pub const TRAP_FLAG: u64 = 0x100;
 
-    /// The state shared by the handler and the thread that it interrupts: one thread, with relaxed
-    /// accesses in order.
+    /// The state that the handler shares with the thread that it interrupts. Only that one thread
+    /// uses it, in program order, so that relaxed accesses suffice.
     struct Shared {
-        /// The address of the instruction that is being executed; 0 before the first.
+        /// The address of the instruction that is being executed; 0 before the first one.
         current: AtomicUsize,
-        /// The address where counting ends.
+        /// The address at which counting ends.
         stop: AtomicUsize,
         stopped: AtomicBool,
-        /// Whether the traps of a call of a kernel ceased before its end.
+        /// Whether the traps in a call of a kernel ceased before the call ended.
         lost: AtomicBool,
         traps: AtomicU64,
         total: AtomicU64,
-        /// The function to watch, 0 for none.
+        /// The address of the function that is watched; 0 for none.
         entry: AtomicUsize,
         bytes: AtomicUsize,
-        /// Address of `bytes` counters.
+        /// The address of `bytes` counters.
         at: AtomicPtr<u64>,
-        /// The stack pointer at its entry while it runs; 0 while it does not.
+        /// The stack pointer at the function's entry while the function runs, and 0 otherwise.
         frame: AtomicUsize,
         calls: AtomicU64,
         instructions: AtomicU64,
@@ -293,19 +293,20 @@ mod imp {
         recorder: AtomicPtr::new(ptr::null_mut()),
     };
 
-    /// The one thread that counts; the handler belongs to the whole process.
+    /// Only one thread may count at a time, since the handler belongs to the whole process.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
     thread_local! {
         static COUNTING: Cell<bool> = const { Cell::new(false) };
     }
 
-    /// Adds 1; only one thread writes, so that no locked instruction is needed.
+    /// Adds 1. Only one thread writes, so that no locked instruction is needed.
     fn increment(counter: &AtomicU64) {
         counter.store(counter.load(Relaxed) + 1, Relaxed);
     }
 
-    /// Runs after every instruction: counts the one before, and clears the flag at the end.
+    /// Runs after every instruction. It counts the one that was executed, and clears the flag at
+    /// the end.
     extern "C" fn on_trap(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
         // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t. A single
         // step comes as TRAP_TRACE, but under a hypervisor about one in a million comes as
@@ -330,21 +331,22 @@ mod imp {
         let s = &SHARED;
         increment(&s.traps);
         let done = s.current.load(Relaxed);
-        // SAFETY: `rip` is about to be executed, so the bytes of its instruction are there to read.
+        // SAFETY: the instruction at `rip` is about to be executed, so that its bytes can be read.
         if done == rip && unsafe { repeats(rip as *const u8) } {
-            // SAFETY: as above, and the registers are those that it is executed with.
+            // SAFETY: as above; and the registers are those with which the instruction will be
+            // executed.
             unsafe { store_all_but_one(rip as *const u8, registers) };
             return;
         }
-        // SAFETY: as above.
+        // SAFETY: the instruction at `rip` is about to be executed, so that its bytes can be read.
         if unsafe { parts_with_traps(rip as *const u8, registers) } {
             registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
             return;
         }
         s.current.store(rip, Relaxed);
         let recorder = s.recorder.load(Relaxed);
-        // SAFETY: it outlives the stepping, in which only this handler touches it; and the context
-        // is that of a trap.
+        // SAFETY: the recorder outlives the stepping, during which only this handler uses it; the
+        // context is that of a trap.
         let full = !recorder.is_null() && unsafe { (*recorder).trap(context) };
         let registers = &mut context.uc_mcontext.gregs;
         if done != 0 {
@@ -353,8 +355,8 @@ mod imp {
                 increment(&s.instructions);
                 let offset = done.wrapping_sub(s.entry.load(Relaxed));
                 if offset < s.bytes.load(Relaxed) {
-                    // SAFETY: `at` points to `bytes` counters that outlive the stepping and that
-                    // only we touch in it.
+                    // SAFETY: `at` points to `bytes` counters that outlive the stepping, during
+                    // which only this handler uses them.
                     unsafe { *s.at.load(Relaxed).add(offset) += 1 };
                 }
                 if rsp > s.frame.load(Relaxed) {
@@ -367,21 +369,23 @@ mod imp {
             increment(&s.calls);
         }
         let stop = full || rip == s.stop.load(Relaxed);
-        // A panic ends the counting: stepping through the making of a backtrace would take minutes.
+        // A panic ends the counting, since stepping through the making of a backtrace would take
+        // minutes.
         if stop || std::thread::panicking() {
             registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
             s.stopped.store(stop, Relaxed);
         }
     }
 
-    /// Whether the instruction is a system call after which a trap would end a process: one that
-    /// starts a thread or a process, which inherits the flag, or changes the handling of the
-    /// signal.
+    /// Whether the instruction is a system call after which a trap would kill a process: one that
+    /// starts a thread or a process, which inherits the flag, or one that changes the handling of
+    /// SIGTRAP.
     ///
     /// # Safety
     /// An instruction begins at `code`.
     unsafe fn parts_with_traps(code: *const u8, registers: &[libc::greg_t; 23]) -> bool {
-        // SAFETY: an instruction has at least one byte, and one that begins with 0f has a second.
+        // SAFETY: an instruction has at least one byte, and one that begins with 0f has a second
+        // byte.
         let calls_system = unsafe { *code == 0x0f && *code.add(1) == 0x05 };
         let [call, first] = [libc::REG_RAX, libc::REG_RDI].map(|register| registers[register as usize]);
         calls_system
@@ -394,14 +398,14 @@ mod imp {
             }
     }
 
-    /// Whether the instruction has a repeat prefix: then a trap that finds it again is its next
+    /// Whether the instruction has a repeat prefix. A trap that finds it again is then its next
     /// iteration.
     ///
     /// # Safety
     /// An instruction begins at `code`.
     unsafe fn repeats(code: *const u8) -> bool {
         // SAFETY: an instruction has at least one byte, and one that begins with the prefix 66 has
-        // a second.
+        // a second byte.
         let first = unsafe {
             match *code {
                 0x66 => *code.add(1),
@@ -411,17 +415,18 @@ mod imp {
         matches!(first, 0xf2 | 0xf3)
     }
 
-    /// Does the rest of a `rep stos` except its last element, so that filling memory takes two
-    /// traps and not one for each element. Other instructions, and a downward direction, are left
-    /// to the CPU.
+    /// Executes a `rep stos` except for its last element, so that filling memory takes two traps
+    /// and not one per element. Other instructions, and those in a downward direction, are left to
+    /// the CPU.
     ///
     /// # Safety
-    /// A repeated instruction begins at `code`, and is about to be executed with `registers`.
+    /// An instruction with a repeat prefix begins at `code`, and is about to be executed with
+    /// `registers`.
     unsafe fn store_all_but_one(code: *const u8, registers: &mut [libc::greg_t; 23]) {
         const DIRECTION_FLAG: libc::greg_t = 0x400;
         let (mut at, mut element) = (0, 4);
         let opcode = loop {
-            // SAFETY: each byte before it was a prefix, after which the instruction goes on.
+            // SAFETY: each byte before this one is a prefix, after which the instruction continues.
             match unsafe { *code.add(at) } {
                 0x66 => element = 2,
                 0x48 => element = 8,
@@ -441,15 +446,15 @@ mod imp {
         }
         let value = registers[libc::REG_RAX as usize].to_le_bytes();
         for index in 0..left - 1 {
-            // SAFETY: the instruction is about to write these bytes itself; who may not, faults
-            // here as there.
+            // SAFETY: the instruction is about to write these bytes itself. If it may not, both
+            // writes fault.
             unsafe { ptr::copy_nonoverlapping(value.as_ptr(), out.add(index * element), element) };
         }
         registers[libc::REG_RDI as usize] = out as libc::greg_t + ((left - 1) * element) as libc::greg_t;
         registers[libc::REG_RCX as usize] = 1;
     }
 
-    /// A closure on its way through `extern "sysv64"`, and its outcome.
+    /// A closure that is passed through `extern "sysv64"`, and its outcome.
     struct Action<F> {
         run: Option<F>,
         panicked: Option<Box<dyn Any + Send>>,
@@ -492,10 +497,10 @@ mod imp {
         s.at.store(at.as_mut_ptr(), Relaxed);
         s.recorder.store(recorder.map_or(ptr::null_mut(), ptr::from_mut), Relaxed);
         let handled = with_handler(|| {
-            // SAFETY: the compiler has aligned the stack for a call and keeps nothing below rsp;
-            // flags are pushed and popped in pairs; `call` takes its argument in rdi and keeps to
-            // the convention whose clobbers are listed. The first trap comes after the call
-            // instruction, the last at the label behind it, where the handler takes the flag away.
+            // SAFETY: the compiler has aligned the stack for a call and keeps nothing below rsp.
+            // Flags are pushed and popped in pairs. `call` takes its argument in rdi and keeps to
+            // the convention whose clobbers are listed. The first trap occurs after the call
+            // instruction, the last one at the label after it, where the handler clears the flag.
             unsafe {
                 asm!(
                     "lea rax, [rip + 2f]",
@@ -532,7 +537,7 @@ mod imp {
         Ok(Counts { total: s.total.load(Relaxed), visits })
     }
 
-    /// Runs `action` with the trap flag set in the kernels that this thread calls.
+    /// Runs `action` with the trap flag set while the kernels run that this thread calls.
     pub fn step_calls(recorder: &mut Recorder, action: impl FnOnce()) -> Result<(), Unavailable> {
         if let Some(by) = tracer() {
             return Err(Unavailable::Traced { by });
@@ -545,7 +550,8 @@ mod imp {
         s.lost.store(false, Relaxed);
         s.recorder.store(ptr::from_mut(recorder), Relaxed);
         let mut outcome = Ok(());
-        // SAFETY: `call_stepped` calls what it is given.
+        // SAFETY: `call_stepped` calls the kernel with the registers that it is given, and returns
+        // its result.
         let stepped = || unsafe { calling_through(call_stepped, action) };
         let handled = with_handler(|| outcome = panic::catch_unwind(AssertUnwindSafe(stepped)));
         COUNTING.set(false);
@@ -557,23 +563,23 @@ mod imp {
         if s.lost.load(Relaxed) { Err(Unavailable::Lost) } else { Ok(()) }
     }
 
-    /// Calls a kernel with the trap flag set, in [`step_calls`].
+    /// Calls a kernel with the trap flag set, for [`step_calls`].
     ///
     /// # Safety
-    /// The registers hold the arguments of its kind, and the CPU runs it.
+    /// The registers hold the arguments of the kernel's kind, and the CPU supports it.
     unsafe fn call_stepped(code: Code, registers: Registers) -> u64 {
         let [a, b, c, d, e, f] = registers;
         let s = &SHARED;
         s.current.store(0, Relaxed);
         s.stopped.store(false, Relaxed);
         let result;
-        // SAFETY: as in `run`, for a kernel with its arguments in the registers of the convention.
+        // SAFETY: as in `run`; the kernel's arguments are in the registers of the convention.
         unsafe {
             asm!(
                 "lea rax, [rip + 2f]",
                 "mov [r11], rax",
                 "mov rax, r10",
-                // Nothing that differs from run to run, where a step shows what a register was.
+                // These registers get fixed values, since steps show what a register held before.
                 "xor r10d, r10d",
                 "xor r11d, r11d",
                 "pushfq",
@@ -600,10 +606,11 @@ mod imp {
         result
     }
 
-    /// Runs `action` while SIGTRAP is handled by [`on_trap`] and not blocked, and restores both.
+    /// Runs `action` while SIGTRAP is handled by [`on_trap`] and is not blocked, and restores both
+    /// afterwards.
     fn with_handler(action: impl FnOnce()) -> Result<(), Unavailable> {
         let refused = || Unavailable::Handler { errno: std::io::Error::last_os_error().raw_os_error().unwrap_or(0) };
-        // SAFETY: a structure of numbers and bits, for which all 0 is a value.
+        // SAFETY: a structure of numbers and bits, for which all bits 0 are a value.
         let mut handler: libc::sigaction = unsafe { std::mem::zeroed() };
         let on_trap: extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void) = on_trap;
         handler.sa_sigaction = on_trap as usize;
@@ -612,18 +619,18 @@ mod imp {
         let (mut trap, mut old_mask) = (MaybeUninit::uninit(), MaybeUninit::uninit());
         // SAFETY: the sets and actions are ours, and each is written before it is read:
         // sigemptyset, sigaction and pthread_sigmask fill what they are given. The handler has the
-        // signature that SA_SIGINFO asks for and calls nothing that a handler may not call.
+        // signature that SA_SIGINFO requires, and only calls functions that a handler may call.
         unsafe {
             libc::sigemptyset(trap.as_mut_ptr());
             libc::sigaddset(trap.as_mut_ptr(), libc::SIGTRAP);
             if libc::sigaction(libc::SIGTRAP, &handler, old_handler.as_mut_ptr()) != 0 {
                 return Err(refused());
             }
-            // A blocked trap would end the process.
+            // A trap while the signal is blocked would kill the process.
             libc::pthread_sigmask(libc::SIG_UNBLOCK, trap.as_ptr(), old_mask.as_mut_ptr());
         }
         action();
-        // SAFETY: both were filled above.
+        // SAFETY: both structures were filled above.
         unsafe {
             libc::pthread_sigmask(libc::SIG_SETMASK, old_mask.as_ptr(), ptr::null_mut());
             libc::sigaction(libc::SIGTRAP, old_handler.as_ptr(), ptr::null_mut());
@@ -631,7 +638,7 @@ mod imp {
         Ok(())
     }
 
-    /// The process that traces this one.
+    /// The process that traces this one, such as a debugger.
     fn tracer() -> Option<u32> {
         let status = std::fs::read_to_string("/proc/self/status").ok()?;
         let line = status.lines().find_map(|line| line.strip_prefix("TracerPid:"))?;
@@ -640,13 +647,13 @@ mod imp {
 
     const KNOWN: u64 = 8;
 
-    /// Seven instructions that do nothing, and the return.
+    /// A function of seven instructions that do nothing, and its return.
     #[unsafe(naked)]
     extern "sysv64" fn known() {
         naked_asm!("nop", "nop", "nop", "nop", "nop", "nop", "nop", "ret")
     }
 
-    /// Counts a known sequence, once in the life of the process.
+    /// Counts a known sequence of instructions, once per process.
     pub fn self_test() -> Result<(), Unavailable> {
         static RESULT: OnceLock<Result<(), Unavailable>> = OnceLock::new();
         if let Some(by) = tracer() {
@@ -664,7 +671,7 @@ mod imp {
 mod imp {
     use super::{Counts, Range, Recording, Unavailable, VisitRecord};
 
-    /// Nothing can be recorded here.
+    /// A recorder that records nothing, on this system.
     pub struct Recorder;
 
     impl Recorder {

@@ -1,5 +1,5 @@
-//! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning
-//! and pages.
+//! What measuring and planning need from the CPU and the operating system: the time-stamp counter,
+//! pinning, threads, pages.
 
 use std::io;
 #[cfg(feature = "lab")]
@@ -23,13 +23,14 @@ use nix::{
 #[cfg(feature = "lab")]
 use super::types::Plain;
 
-/// The time-stamp counter before timed work: everything earlier is done, nothing later has begun.
+/// The time-stamp counter before timed work. All earlier instructions have completed, and no later
+/// one has begun.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub fn tsc_start() -> u64 {
     use std::arch::x86_64::{_mm_lfence, _rdtsc};
-    // SAFETY: every x86-64 CPU has SSE2 and the counter; where an operating system forbade it, this
-    // would be a fault, not undefined behaviour.
+    // SAFETY: every x86-64 CPU has SSE2 and the counter. If an operating system forbids reading it,
+    // the result is a fault and not undefined behaviour.
     unsafe {
         _mm_lfence();
         let now = _rdtsc();
@@ -52,8 +53,8 @@ pub fn tsc_stop() -> u64 {
         return tsc_start();
     }
     let mut core = 0;
-    // SAFETY: the CPU has the instruction, as just asked; else as in tsc_start. `core` is ours to
-    // write.
+    // SAFETY: the CPU has the instruction, as just checked; otherwise as in tsc_start. `core` is
+    // ours to write.
     unsafe {
         let now = __rdtscp(&mut core);
         _mm_lfence();
@@ -61,30 +62,32 @@ pub fn tsc_stop() -> u64 {
     }
 }
 
-/// The core that runs the calling thread at this moment, if the operating system reports it.
+/// The core that runs the calling thread now, if the operating system reports it.
 #[cfg(target_os = "linux")]
 pub fn current_core() -> Option<usize> {
     nix::sched::sched_getcpu().ok()
 }
 
-/// The core that runs the calling thread is unknown on this system.
+/// None: this system does not report which core runs a thread.
 #[cfg(not(target_os = "linux"))]
 pub fn current_core() -> Option<usize> {
     None
 }
 
-/// Whether this process was started with a signal ignored, as SIGHUP is by `nohup`.
+/// Whether this process was started with a signal ignored, as `nohup` does with SIGHUP.
 #[cfg(unix)]
 pub fn is_ignored(signal: i32) -> bool {
-    // SAFETY: numbers and an address that may be null, for which all bits 0 are a value.
+    // SAFETY: a structure of numbers and an address that may be null, for which all bits 0 are a
+    // value.
     let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
-    // SAFETY: no new action is given, and the structure for the old one is ours to write; an
-    // unknown signal leaves it as it is.
+    // SAFETY: no new action is set, and the structure for the old one is ours to write. An unknown
+    // signal leaves it unchanged.
     unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
     action.sa_sigaction == libc::SIG_IGN
 }
 
-/// Whether the first thread's stack is limited to less than others have (`ulimit -s 64`).
+/// Whether the stack of the first thread is limited to less than that of other threads (`ulimit -s
+/// 64`).
 pub fn has_small_stack() -> bool {
     #[cfg(unix)]
     {
@@ -98,8 +101,8 @@ pub fn has_small_stack() -> bool {
 #[cfg(unix)]
 pub use at_start::is_open;
 
-/// Standard output and standard error before Rust's runtime opened `/dev/null` in place of closed
-/// descriptors.
+/// Whether standard output and standard error were open before Rust's runtime opened `/dev/null` in
+/// place of closed descriptors.
 #[cfg(unix)]
 mod at_start {
     use std::sync::atomic::{AtomicBool, Ordering};
@@ -109,14 +112,14 @@ mod at_start {
     #[cfg_attr(miri, allow(dead_code))]
     extern "C" fn look() {
         for (descriptor, is_open) in [1, 2].into_iter().zip(&ARE_OPEN) {
-            // SAFETY: asks for the flags of a descriptor, which need not exist.
+            // SAFETY: only asks for the flags of a descriptor, which need not exist.
             let flags = unsafe { libc::fcntl(descriptor, libc::F_GETFL) };
             is_open.store(flags != -1 && flags & libc::O_ACCMODE != libc::O_RDONLY, Ordering::Relaxed);
         }
     }
 
-    /// Called by the system before main; `look` needs nothing that main would have to prepare. Miri
-    /// has no such descriptors.
+    /// The system calls this before main; `look` needs nothing that main would have to prepare.
+    /// Miri has no such descriptors.
     #[used]
     #[cfg(not(miri))]
     #[cfg_attr(target_vendor = "apple", unsafe(link_section = "__DATA,__mod_init_func"))]
@@ -130,34 +133,34 @@ mod at_start {
     }
 }
 
-/// Whether these were closed is unknown on this system.
+/// Assumes that both were open, since this system does not tell.
 #[cfg(not(unix))]
 pub fn is_open(_: usize) -> bool {
     true
 }
 
-/// A thread to be started, if there is memory for it: where that ends while a thread begins, the
-/// process does.
+/// A builder for a new thread, if there is enough memory for one. If memory runs out while a thread
+/// starts, the process is aborted, so that this is checked before.
 pub fn new_thread() -> io::Result<std::thread::Builder> {
-    /// Its stack, what Rust and the system need before its first instruction, and what other
-    /// threads take meanwhile.
+    /// The memory for the stack, for what Rust and the system need before the thread's first
+    /// instruction, and for what other threads allocate meanwhile.
     const ROOM: usize = 16 << 20;
     drop(memmap2::MmapMut::map_anon(ROOM)?);
     Ok(std::thread::Builder::new())
 }
 
-/// Makes streaming stores visible to other threads before any later store.
+/// Makes non-temporal stores visible to other threads before any later store.
 #[cfg(target_arch = "x86_64")]
 pub fn store_fence() {
     // SAFETY: every x86-64 CPU has SSE.
     unsafe { std::arch::x86_64::_mm_sfence() }
 }
 
-/// No kernel has streaming stores here.
+/// Does nothing: on this architecture no kernel uses non-temporal stores.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn store_fence() {}
 
-/// Pins the calling thread to its current core, and returns that.
+/// Pins the calling thread to its current core, and returns that core.
 pub fn pin_to_this_core() -> io::Result<usize> {
     let core = current_core().ok_or_else(|| io::Error::other("which core this is cannot be known"))?;
     pin_to(core).map(|()| core)
@@ -182,14 +185,15 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Memory for this many values, on large pages as far as these lie within it.
+/// Memory for `count` values, on large pages as far as these fit into it.
 pub fn room<T>(count: usize) -> Vec<T> {
     let mut room = Vec::with_capacity(count);
     large_pages(&mut room);
     room
 }
 
-/// Requests large pages for the memory of a vector, as far as they lie within it. Only a hint.
+/// Requests large pages for the memory of a vector, as far as they fit into it. This is only a
+/// hint.
 #[cfg(target_os = "linux")]
 fn large_pages<T>(room: &mut Vec<T>) {
     const LARGE: usize = 2 << 20;
@@ -197,8 +201,8 @@ fn large_pages<T>(room: &mut Vec<T>) {
     let end = first + room.capacity() * size_of::<T>();
     let (first, end) = (first.next_multiple_of(LARGE), end / LARGE * LARGE);
     if first < end {
-        // SAFETY: whole pages within the vector's own memory; which size the system makes them of
-        // changes no content.
+        // SAFETY: whole pages within the vector's own memory; their size does not change their
+        // content.
         unsafe { libc::madvise(first as *mut libc::c_void, end - first, libc::MADV_HUGEPAGE) };
     }
 }
@@ -207,14 +211,14 @@ fn large_pages<T>(room: &mut Vec<T>) {
 #[cfg(not(target_os = "linux"))]
 fn large_pages<T>(_: &mut Vec<T>) {}
 
-/// The cores that a thread may run on.
+/// A set of cores that a thread may run on.
 #[cfg(target_os = "linux")]
 #[derive(Clone, Copy)]
 pub struct Cores(CpuSet);
 
 #[cfg(target_os = "linux")]
 impl Cores {
-    /// The cores of the calling thread.
+    /// The cores that the calling thread may run on.
     pub fn of_this_thread() -> io::Result<Self> {
         Ok(Cores(sched_getaffinity(Pid::from_raw(0))?))
     }
@@ -224,13 +228,13 @@ impl Cores {
         (0..CpuSet::count()).filter(|core| self.0.is_set(*core) == Ok(true)).count().max(1)
     }
 
-    /// Lets the calling thread, and those that it starts from now on, run on them.
+    /// Lets the calling thread, and threads that it starts from now on, run on these cores.
     pub fn allow(&self) -> io::Result<()> {
         Ok(sched_setaffinity(Pid::from_raw(0), &self.0)?)
     }
 }
 
-/// Without pinning, all cores are always allowed.
+/// All cores, since threads cannot be pinned on this system.
 #[cfg(not(target_os = "linux"))]
 #[derive(Clone, Copy)]
 pub struct Cores(());
@@ -246,27 +250,29 @@ impl Cores {
         cores()
     }
 
-    /// Nothing to do.
+    /// Does nothing, since threads cannot be pinned.
     pub fn allow(&self) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// What a thread or the ended processes have used; nothing where the system does not count it.
+/// What a thread, or the processes that have ended, have used. Zero where the system does not count
+/// it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
-    /// Pages touched for the first time or read from disk.
+    /// The number of pages that were accessed for the first time or read from disk.
     pub page_faults: u64,
-    /// Involuntary context switches.
+    /// The number of involuntary context switches.
     pub forced: u64,
-    /// Voluntary ones, to wait.
+    /// The number of voluntary context switches, to wait.
     pub own: u64,
-    /// Time of the CPU, in whole microseconds.
+    /// CPU time, in whole microseconds.
     pub cpu_time: Duration,
 }
 
 impl Usage {
-    /// Of the calling thread, or of its process where threads are not counted.
+    /// The usage of the calling thread, or of its process where the system does not count by
+    /// thread.
     pub fn of_this_thread() -> Self {
         #[cfg(target_os = "linux")]
         return Usage::of(UsageWho::RUSAGE_THREAD);
@@ -276,7 +282,7 @@ impl Usage {
         Usage::default()
     }
 
-    /// Of the processes that this one has started and waited for.
+    /// The usage of the processes that this one has started and waited for.
     pub fn of_children() -> Self {
         #[cfg(unix)]
         return Usage::of(UsageWho::RUSAGE_CHILDREN);
@@ -299,7 +305,7 @@ impl Usage {
     }
 }
 
-/// The CPU time of the calling thread, none where it is not counted.
+/// The CPU time of the calling thread; 0 where the system does not count it.
 pub fn thread_cpu_time() -> Duration {
     #[cfg(unix)]
     return nix::time::clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map_or(Duration::ZERO, Duration::from);
@@ -307,19 +313,19 @@ pub fn thread_cpu_time() -> Duration {
     Duration::ZERO
 }
 
-/// Multiplications in a round of [`multiply_in_chain`].
+/// The number of multiplications in a round of [`multiply_in_chain`].
 pub const CHAIN_LINKS: u32 = 20;
-/// Cycles of the core's own clock from one 32-bit `imul` to the next that needs its result: 3 on
-/// every Intel core since Nehalem and every AMD core since Zen.
+/// The latency in core cycles of a 32-bit `imul`: 3 on every Intel core since Nehalem and every AMD
+/// core since Zen.
 pub const CHAIN_LATENCY: u32 = 3;
 
-/// `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the previous result: as many
-/// times [`CHAIN_LATENCY`] cycles of the core's clock, whatever the rate of the time-stamp counter.
-/// `rounds` is at least 1.
+/// Executes `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the previous result.
+/// They take [`CHAIN_LATENCY`] cycles of the core's clock each, whatever the rate of the time-stamp
+/// counter. `rounds` is at least 1.
 #[cfg(target_arch = "x86_64")]
 pub fn multiply_in_chain(rounds: u32) {
     let rounds = rounds.max(1);
-    // SAFETY: registers alone, which are named.
+    // SAFETY: only uses registers, which are declared.
     unsafe {
         std::arch::asm!(
             "2:",
@@ -349,7 +355,7 @@ pub struct Fresh<T: Plain> {
 
 #[cfg(feature = "lab")]
 impl<T: Plain> Fresh<T> {
-    /// Memory for `len` values, at least 1, all bits 0.
+    /// New memory for `len` values, at least 1, with all bits 0.
     pub fn new(len: usize) -> io::Result<Self> {
         let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
         let pages = memmap2::MmapMut::map_anon(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?;

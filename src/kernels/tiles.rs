@@ -1,5 +1,5 @@
-//! The arguments of the tile kernels: objects and their bounds, a tile and its chunks of set-up
-//! objects, its output.
+//! The arguments of the tile kernels: objects and their bounds, a tile and its chunks of objects
+//! that have been set up, and its output.
 
 use std::ops::Range;
 
@@ -13,26 +13,26 @@ use super::records::{
 };
 use super::types::Plain;
 
-/// The squares of a tile that keep a hierarchical depth.
+/// The number of squares of a tile in its hierarchical depth buffer.
 pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
-/// The greatest id in a tile: f32 has every integer up to this.
+/// The greatest id in a tile: f32 holds every integer up to this exactly.
 const MOST_ID: usize = 1 << 24;
 
-/// More elements than a register has of f64.
+/// At least as many f64 as any register has.
 const MOST_SET_UP: usize = 8;
 
-// The references prove the addresses of views and slices, of which kernels read and write what the
-// tasks say; any bits are values of what they write.
+// The references prove the addresses of the views and slices that kernels read and write, as the
+// tasks say. Any bits are valid values of what kernels write.
 kinds! {
-    /// Computes the bounds of triangles, or of spheres.
+    /// Finds the bounds of triangles, or of spheres.
     Bounds<T: Bounded> as fn(
         &T::View, T::Many<'_>, u32, bool, &mut [Candidate],
     ) -> CandidatesFound;
 
-    /// Writes the objects that may be visible to the front of `candidates`, in order, the first
-    /// object having the id `first_id` in the scene. With `keep_all` all objects are written. There
-    /// must be room for all, up to a multiple of [`CHUNK`]. None if there is no object.
+    /// Writes the objects that may be visible to the front of `candidates`, in order; all objects
+    /// if `keep_all`. The first object has the id `first_id` in the scene. There must be room for
+    /// all objects, rounded up to a multiple of [`CHUNK`]. Returns None if there is no object.
     fn call(
         view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, candidates: &mut [Candidate],
     ) -> Option<CandidatesFound>; |way| {
@@ -56,7 +56,7 @@ kinds! {
                     found: writes(&mut found),
                 };
                 enter([reads(view), reads(&task), 0, 0, 0, 0]);
-                // The padding of the last chunk comes last.
+                // The padding of the last chunk comes last in the list.
                 let past = first_id + objects.len() as u32;
                 let found_here = &candidates[..found.count as usize];
                 let last = found_here.iter().rposition(|candidate| candidate.id < past);
@@ -69,12 +69,12 @@ kinds! {
         Some(CandidatesFound { count, extremes })
     }
 
-    /// Partitions the objects of a tile.
+    /// Partitions the candidates of a tile into nearer and farther ones.
     NearerHalf as fn(&[Candidate], &mut [Candidate], &mut [Candidate]) -> usize;
 
-    /// Copies those of `candidates` that are nearer than half way from the nearest to the farthest
-    /// to the front of `nearer`, and the others to that of `farther`, in order; returns how many
-    /// are nearer. The memory after them is overwritten. There must be room for all in both.
+    /// Copies the candidates that are nearer than half way from the nearest to the farthest to the
+    /// front of `nearer`, and the others to the front of `farther`, in order. Returns the number of
+    /// nearer ones. The memory after them is overwritten. Both must have room for all candidates.
     fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |way| {
         assert!(nearer.len() >= candidates.len() && farther.len() >= candidates.len(), "either may get all");
         if candidates.is_empty() {
@@ -90,12 +90,12 @@ kinds! {
         }
     }
 
-    /// Finds the nearest wall of a sphere around the camera or beside it.
+    /// Finds the nearest wall of a sphere that contains the camera or is beside it.
     Around<E: Element> as fn(&AroundSphere<f64>, &mut [E; TILE_PIXELS], [u32; 2]);
 
-    /// Gives the pixels of the tile where nothing is nearer, and nothing equally near comes first,
-    /// to this sphere, which is the last object of `order`: the place in the scene of each object
-    /// of the tile, and 0 for none.
+    /// Gives pixels of the tile to this sphere where it is nearest; of equally near objects the
+    /// first in the scene wins. The sphere is the last object of `order`, which has the place in
+    /// the scene of each object of the tile, and 0 for none.
     fn call(sphere: &AroundSphere<f64>, window: &TileWindow, buffers: &mut TileBuffers<E>, order: &[u32]); |way| {
         window.check();
         let mut near = [E::ZERO; TILE_PIXELS];
@@ -112,8 +112,8 @@ kinds! {
         &TileView<f64>, TriangleChunk<'_>, &mut TriangleArrays, &mut TrianglePlanes<E>, &mut [TileShade<E>],
     );
 
-    /// Sets up a chunk of triangles in `buffers`. `shades` has as many for each id of the tile,
-    /// from 0, as there are lights; those of the chunk are written, and it grows if necessary.
+    /// Sets up a chunk of triangles in `buffers`. `shades` has a record per light for each id of
+    /// the tile, from 0 on. The records of the chunk are written, and `shades` grows if need be.
     fn call(
         view: &TileView<f64>, triangles: TriangleChunk<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
     ); |way| {
@@ -159,15 +159,15 @@ kinds! {
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
     }
 
-    /// Sets up spheres as planes over their own pixels.
+    /// Sets up spheres as functions of pixels, each relative to the sphere's own origin.
     SphereSetUp<E: Element> as fn(&SphereView<f64>, SphereChunk<'_>, usize, &mut SphereArrays, &mut SpherePlanes<E>);
 
-    /// Sets up a chunk of spheres in `buffers`, of which the first has the id `first_id` in the
+    /// Sets up a chunk of spheres in `buffers`. The first of them has the id `first_id` in the
     /// tile.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, first_id: usize, buffers: &mut TileBuffers<E>,
     ); |way| {
-        // There is room for a chunk, and so for the last packet of one.
+        // There is room for a chunk, and so for a chunk's last packet.
         let Chunk { arrays, planes, count } = &mut buffers.spheres;
         let prefetched = spheres.chunk();
         let chunk = SphereChunk { candidates: prefetched.candidates, ..spheres };
@@ -188,8 +188,9 @@ kinds! {
         &SphereView<f64>, SphereChunk<'_>, &[TileLight<f64>], bool, usize, &mut SphereRecords<E>,
     );
 
-    /// Makes the records of a chunk of spheres, from index `first` on, under these lights; if
-    /// `short`, in the short form where it is accurate enough, and otherwise in the long one.
+    /// Makes the records of a chunk of spheres under these lights, from the index `first` on. If
+    /// `short`, they have the short form where that is accurate enough; otherwise they have the
+    /// long form.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
         records: &mut SphereRecords<E>,
@@ -218,10 +219,10 @@ kinds! {
         &mut Tile<P::Element>, SetUpObjects<'_, P, P::Arrays>, &[u32], &TileWindow, &TileGrid,
     );
 
-    /// Gives the pixels of the window where nothing is nearer, and nothing equally near comes
-    /// first, to the objects that were set up last: `order` has the place in the scene of each id
-    /// of the tile, from 1, and 0 for none. If the bounds of a triangle have at least
-    /// `fewest_across` blocks in a row, those outside an edge are culled.
+    /// Gives pixels of the window to the objects that were set up last where these are nearest; of
+    /// equally near objects the first in the scene wins. `order` has the place in the scene of each
+    /// id of the tile, from 1, and 0 for none. If the bounds of a triangle are at least
+    /// `fewest_across` blocks wide, its blocks outside an edge are culled.
     fn call(
         buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid, fewest_across: u32,
     ); |way| {
@@ -237,10 +238,10 @@ kinds! {
                 return find(tile, SetUpObjects { planes, arrays, count: *count }, order, window, grid);
             }
         };
-        // Whole packets are read: the padding after the chunk is nowhere visible.
+        // Whole packets are read; the padding after the chunk has empty bounds.
         P::columns(arrays)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
-        // There is room for a chunk and a tile, and the kernel clips all bounds to the window,
-        // which is within the tile.
+        // There is room for a chunk and a tile. The kernel clips all bounds to the window, which is
+        // within the tile.
         let task = NearestTask {
             tile: writes(tile),
             arrays: reads(&**arrays),
@@ -264,16 +265,16 @@ kinds! {
         &TileRays<E>, &Tile<E>, ShadingRecords<'_, E>, &TileWindow, TileOut<'_, P>,
     );
 
-    /// Writes the pixels of the window.
+    /// Shades and writes the pixels of the window.
     fn call(
         rays: &TileRays<E>, buffers: &TileBuffers<E>, shading: ShadingRecords<'_, E>, window: &TileWindow, out: TileOut<'_, P>,
     ); |way| {
-        // Every object of the tile has its shades or is a sphere with its lights, and the window's
-        // pixels are in `out`.
+        // Every object of the tile has shades, or is a sphere that has records for its lights. The
+        // window's pixels are within `out`.
         window.check();
         let ShadingRecords { shades, lights, sphere_ids, spheres, lits, shorts } = shading;
         let (objects, count) = (buffers.most + 1, lights.len());
-        // Spheres around the camera may be more than those with a pixel.
+        // There may be spheres around the camera beside those with a pixel.
         let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
         let shade_count = for_each(objects, count);
         assert!(triangle_count == 0 || shades.len() >= shade_count);
@@ -298,7 +299,7 @@ kinds! {
             lits: reads(lits),
             shorts: reads(shorts),
             out: writes(&mut out.pixels[out.first..]),
-            // Of a single row no kernel reads it.
+            // If there is a single row, no kernel reads the pitch.
             pitch: out.width.wrapping_mul(size_of::<P>()) as u64,
             column: window.column.into(),
             row: window.row.into(),
@@ -310,49 +311,49 @@ kinds! {
     }
 }
 
-/// The last id of this many objects of a tile, at least one, from `first` on.
+/// The last of the ids of this many objects of a tile, at least one, of which `first` is the first.
 fn last_id(first: usize, count: usize) -> usize {
     let last = first.saturating_add(count - 1);
     assert!(last <= MOST_ID, "f32 has no number for object {last} of a tile");
     last
 }
 
-/// The number of records of this many objects, `lights` for each.
+/// The number of records of this many objects that have `lights` each.
 fn for_each(objects: usize, lights: usize) -> usize {
     objects.checked_mul(lights).expect("as many records as memory can hold")
 }
 
-/// What is found of some objects.
+/// What is found out about some objects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CandidatesFound {
-    /// The number of those that may be visible.
+    /// The number of objects that may be visible.
     pub count: usize,
-    /// The extremes of all.
+    /// The extremes of all objects.
     pub extremes: Extremes,
 }
 
-/// The extremes of a scene's objects. A NaN, and a negative colour or radius, is certainly among
-/// them.
+/// The extremes of a scene's objects. If a number is NaN, or a colour or radius negative, one of
+/// the extremes is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
-    /// The greatest size, which is an object's greatest coordinate or radius.
+    /// The greatest size. The size of an object is its greatest coordinate or radius.
     pub most: f32,
-    /// The least size: a triangle's greatest coordinate, a sphere's radius.
+    /// The least size: of a triangle, its greatest coordinate; of a sphere, its radius.
     pub least: f32,
-    /// The greatest component of a colour, or a negative one.
+    /// The greatest component of a colour, or a negative one if there is any.
     pub brightest: f32,
-    /// The greatest [`Candidate::most`] of those in front of the camera.
+    /// The greatest [`Candidate::most`] of objects in front of the camera.
     pub nearest: f32,
-    /// The longest side of a triangle's bounds, in pixels of the picture.
+    /// The longest side of a triangle's bounds, in pixels.
     pub longest: f32,
 }
 
 impl Extremes {
-    /// The extremes of no object.
+    /// The extremes of no objects.
     pub(super) const NONE: Extremes =
         Extremes { most: 0.0, least: f32::from_bits(u32::MAX), brightest: 0.0, nearest: 0.0, longest: 0.0 };
 
-    /// The extremes of both.
+    /// The extremes of the objects of both.
     pub fn and(self, other: Self) -> Self {
         Extremes {
             most: above(self.most, other.most),
@@ -364,13 +365,13 @@ impl Extremes {
     }
 }
 
-/// The greater of two numbers by their bits, which order negative ones above all others.
+/// The greater of two numbers by their bits, by which negative numbers are above all others.
 pub(super) fn above(a: f32, b: f32) -> f32 {
     f32::from_bits(a.to_bits().max(b.to_bits()))
 }
 
 impl BoundsFound {
-    /// What is found of no triangle.
+    /// The record for no triangles.
     const NONE: BoundsFound = BoundsFound {
         most: [0; MOST_LANES],
         least: [u32::MAX; MOST_LANES],
@@ -393,15 +394,15 @@ impl BoundsFound {
     }
 }
 
-/// The pixels of each of many objects: the first column (row), and one past the last in the upper
-/// 16 bits.
+/// The pixels of each of many objects: the first column (row), and in the upper 16 bits one past
+/// the last.
 #[derive(Clone, Debug, Default)]
 pub struct PixelBounds {
     pub columns: Vec<u32>,
     pub rows: Vec<u32>,
 }
 
-/// The grid of rays in f64.
+/// The grid of rays, in f64.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "those of scene::Grid")]
 pub struct TileGrid {
@@ -418,7 +419,7 @@ pub struct TileWindow {
     pub column: u32,
     /// The tile's first row in the picture.
     pub row: u32,
-    /// Columns of the tile, from its first on.
+    /// The number of columns to trace, from the tile's first one on; `rows` are the tile's rows.
     pub columns: u32,
     pub rows: Range<u32>,
 }
@@ -432,40 +433,40 @@ impl TileWindow {
     }
 }
 
-/// Objects of one kind that are set up.
+/// Objects of one kind that have been set up.
 pub struct Chunk<T, P> {
     arrays: Box<T>,
     planes: Box<P>,
     count: usize,
 }
 
-/// Objects of one kind that are set up, as the kernels in Rust get them.
+/// Objects of one kind that have been set up, as kernels in Rust get them.
 pub struct SetUpObjects<'a, P, A> {
     pub(super) planes: &'a P,
-    /// The same objects transposed.
+    /// The same objects, transposed.
     pub(super) arrays: &'a A,
     pub(super) count: usize,
 }
 
-/// The nearest objects of a tile, and those of one kind that were set up for it last.
+/// The nearest objects of a tile, and the objects of one kind that were set up last.
 pub struct TileAndChunk<'a, E, A, P> {
     tile: &'a mut Tile<E>,
     chunk: &'a mut Chunk<A, P>,
 }
 
-/// The set-up objects of a kind in a tile. Only kernels may use this, since the owner of a tile
-/// could give it another's objects: the trait has no name outside.
+/// A kind of objects that are set up for a tile. The trait cannot be named outside of this module,
+/// so that only kernels use it: the owner of a tile could otherwise give it another tile's objects.
 pub trait InTile: Sized {
     type Element: Element;
-    /// The same objects transposed.
+    /// The type that holds the same objects, transposed.
     type Arrays;
     /// The tile, and the objects of this kind that were set up for it last.
     fn in_tile(buffers: &mut TileBuffers<Self::Element>) -> TileAndChunk<'_, Self::Element, Self::Arrays, Self>;
-    /// The objects' columns.
+    /// The first and last columns of the objects.
     fn columns(arrays: &mut Self::Arrays) -> &mut [u32; CHUNK];
 }
 
-/// Implements [`InTile`] for planes: their place in the buffers, and their transposed arrays.
+/// Implements [`InTile`] for planes, which have transposed arrays and a field of the buffers.
 macro_rules! planes {
     ($planes:ident, $arrays:ident, $field:ident) => {
         impl<E: Element> InTile for $planes<E> {
@@ -487,14 +488,14 @@ planes!(SpherePlanes, SphereArrays, spheres);
 /// The nearest object at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestAtPixel<E> {
-    /// Its 1/t; 0 for none.
+    /// The object's 1/t; 0 for no object.
     pub inverse_t: E,
-    /// Its id in the tile; 0 for none.
+    /// The object's id in the tile; 0 for no object.
     pub id: usize,
 }
 
-/// A tile's nearest objects, and its chunks of set-up triangles and spheres: half of a core's
-/// cache.
+/// A tile's nearest objects, and its chunks of triangles and spheres that have been set up.
+/// Together they take half of a core's second-level cache.
 pub struct TileBuffers<E> {
     tile: Box<Tile<E>>,
     triangles: Chunk<TriangleArrays, TrianglePlanes<E>>,
@@ -519,28 +520,28 @@ impl<E: Element> Default for TileBuffers<E> {
 }
 
 impl<E: Element> TileBuffers<E> {
-    /// Forgets all objects: no hits, infinitely far.
+    /// Removes all objects: every pixel is without a hit and infinitely far.
     pub fn clear(&mut self) {
         self.tile.near.fill(E::ZERO);
         self.tile.who.fill(E::ZERO);
         (self.triangles.count, self.spheres.count, self.most) = (0, 0, 0);
     }
 
-    /// The ids of the pixels, in blocks; each is below `end`.
+    /// The ids at the pixels, block by block; each is below `end`.
     ///
     /// # Panics
-    /// If one may not be.
+    /// If an id may be `end` or more.
     pub(super) fn who(&self, end: usize) -> &[E; TILE_PIXELS] {
         assert!(self.most < end, "ids of {end} objects");
         &self.tile.who
     }
 
-    /// The same as numbers.
+    /// Writes the ids at the pixels as integers.
     pub(crate) fn ids(&self, ids: &mut [u32; TILE_PIXELS]) {
         ids.iter_mut().zip(&self.tile.who).for_each(|(id, who)| *id = who.to_index());
     }
 
-    /// Gives every pixel a new id, below `end`, of objects that are not set up.
+    /// Replaces the ids at all pixels by others, below `end`, whose objects are not set up.
     pub(crate) fn set_ids(&mut self, ids: &[u32; TILE_PIXELS], end: usize) {
         assert!(ids.iter().all(|id| (*id as usize) < end));
         self.most = last_id(end - 1, 1);
@@ -558,14 +559,14 @@ impl<E: Element> TileBuffers<E> {
         &self.spheres.planes
     }
 
-    /// Changes the 1/t of a triangle that was set up last: at the tile's middle, and per column and
-    /// row.
+    /// Changes the 1/t of a triangle that was set up last: its value at the tile's middle, and its
+    /// increments per column and per row.
     pub fn set_inverse(&mut self, triangle: usize, [at_middle, across, down]: [E; 3]) {
         let planes = &mut self.triangles.planes;
         (planes.t0[triangle], planes.tx[triangle], planes.ty[triangle]) = (at_middle, across, down);
     }
 
-    /// The index of a pixel of a tile in [`TileBuffers::pixel`], for kernels with this many lanes.
+    /// The index of a pixel in the tile's arrays, for kernels with this many lanes.
     fn index(lanes: usize, column: usize, row: usize) -> usize {
         let width = lanes.min(4);
         let height = lanes / width;
@@ -573,14 +574,14 @@ impl<E: Element> TileBuffers<E> {
         block * lanes + row % height * width + column % width
     }
 
-    /// The nearest object at a pixel of the tile, for kernels of this many lanes.
+    /// The nearest object at a pixel of the tile, for kernels with this many lanes.
     pub fn pixel(&self, lanes: usize, column: usize, row: usize) -> NearestAtPixel<E> {
         let i = Self::index(lanes, column, row);
         NearestAtPixel { inverse_t: self.tile.near[i], id: self.tile.who[i].to_f64() as usize }
     }
 
-    /// Makes the pixels outside a window nobody's and nearer than all objects: they do not affect
-    /// the hierarchical depth.
+    /// Makes the pixels outside a window nearer than all objects, without an object, so that they
+    /// do not affect the hierarchical depth.
     pub(crate) fn close_around(&mut self, lanes: usize, window: &TileWindow) {
         let (width, height) = (window.columns as usize, window.rows.start as usize..window.rows.end as usize);
         for row in 0..TILE_HEIGHT {
@@ -591,18 +592,18 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
-    /// Whether any object was set up.
+    /// Whether any object has been set up.
     pub fn has_somebody(&self) -> bool {
         self.most > 0
     }
 
-    /// The hierarchical depth of the tile, whose blocks have this many lanes: the least 1/t of each
-    /// square of [`PART_SIDE`] pixels, row by row, 0 if a pixel has no hit; in f32, which preserves
-    /// their order.
+    /// The hierarchical depth of the tile, for kernels with this many lanes: the least 1/t in each
+    /// square of [`PART_SIDE`] pixels, row by row, which is 0 if a pixel has no hit. It is in f32,
+    /// to which it is rounded in order.
     pub fn farthest(&self, lanes: usize) -> [f32; TILE_PARTS] {
-        /// At least as many pixels of a square follow each other, whatever the lanes.
+        /// At least this many pixels of a square are contiguous, whatever the number of lanes.
         const TOGETHER: usize = PART_SIDE;
-        // Blocks have rows of up to four.
+        // Blocks have rows of up to four pixels.
         let height = lanes.div_ceil(4);
         let lesser = |a: E, b: E| if a < b { a } else { b };
         let mut least = [[E::from_f64(f64::MAX); TOGETHER]; TILE_PARTS];
@@ -646,9 +647,9 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
-    /// The number of a window's pixels with a hit, for kernels of this many lanes.
+    /// Counts the pixels of a window that have a hit, for kernels with this many lanes.
     pub(crate) fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
-        // As wide as the compared numbers, so that registers hold as many.
+        // Counters as wide as the compared numbers, so that a register holds as many of both.
         let somebody = |who: &E| u32::from(*who != E::ZERO);
         if (window.rows.len(), window.columns as usize) == (TILE_HEIGHT, TILE_WIDTH) {
             return self.tile.who.iter().map(somebody).sum::<u32>().into();
@@ -660,7 +661,7 @@ impl<E: Element> TileBuffers<E> {
         window.rows.clone().map(row).sum::<u32>().into()
     }
 
-    /// Sets the pixels of a window without a hit to `rest`, for kernels of this many lanes.
+    /// Sets the pixels of a window that have no hit to `rest`, for kernels with this many lanes.
     pub fn fill_rest<P: Copy>(&self, lanes: usize, window: &TileWindow, rest: P, out: TileOut<'_, P>) {
         let across = lanes.min(4);
         for (row, out) in window.rows.clone().zip(out.pixels[out.first..].chunks_mut(out.width)) {
@@ -671,20 +672,22 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
-    /// Sets true at the ids of all objects that own a pixel, and at 0 if a pixel has no hit.
+    /// Sets `owners` to true at the ids of all objects that have a pixel, and at 0 if some pixel
+    /// has no hit.
     pub(crate) fn mark_owners(&self, owners: &mut [bool]) {
         assert!(self.most < owners.len());
-        // Converts many to integers at once: one by one that takes longer than all else here.
+        // Converts 16 numbers to integers at once: converting them one by one takes longer than
+        // everything else here.
         for who in self.tile.who.as_chunks::<16>().0 {
             who.map(E::to_index).into_iter().for_each(|who| owners[who as usize] = true);
         }
     }
 
-    /// Gives every id of a pixel a new number, below `end`: the one at its index.
+    /// Replaces each id at a pixel by a new one, below `end`: the number at its index.
     pub(crate) fn renumber(&mut self, numbers: &[u32], end: usize) {
         assert!(self.most < numbers.len() && end > 0);
-        // First, since a number past the end leaves the rest undone. Objects that are set up have
-        // the old ids.
+        // This comes first, since a number that is not below `end` would panic and leave the rest
+        // undone. Objects that are set up have the old ids.
         self.most = self.most.max(last_id(end - 1, 1));
         (self.triangles.count, self.spheres.count) = (0, 0);
         for who in &mut self.tile.who {
@@ -699,9 +702,9 @@ impl<E: Element> TileBuffers<E> {
 /// An object whose bounds a kernel computes.
 pub trait Bounded: Plain {
     type Many<'a>: ObjectList<Object = Self>;
-    /// The kernel's view of the picture.
+    /// The view of the picture that the kernel takes.
     type View;
-    /// A chunk of them, transposed.
+    /// A chunk of objects, transposed.
     type Arrays: Plain;
 }
 
@@ -717,37 +720,37 @@ impl Bounded for Sphere {
     type Arrays = SphereArrays;
 }
 
-/// Triangles, the lights, and the selection of a chunk.
+/// Triangles, the lights on them, and a selection of triangles whose first chunk is processed.
 #[derive(Clone, Copy)]
 pub struct TriangleChunk<'a> {
-    /// All triangles of the scene with shared corners, or all with their own.
+    /// All triangles of the scene that share corners, or all that do not.
     pub triangles: TriangleList<'a>,
     pub lights: &'a [TileLight<f64>],
-    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are
+    /// The first [`CHUNK`] candidates, or all if there are fewer, are the chunk. The next ones are
     /// prefetched.
     pub candidates: &'a [Candidate],
-    /// The id in the tile of the first of them.
+    /// The id in the tile of the first candidate.
     pub first_id: usize,
 }
 
-/// Spheres, and the selection of a chunk.
+/// Spheres, and a selection of spheres whose first chunk is processed.
 #[derive(Clone, Copy)]
 pub struct SphereChunk<'a> {
     /// All spheres of the scene.
     pub spheres: &'a [Sphere],
-    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are
+    /// The first [`CHUNK`] candidates, or all if there are fewer, are the chunk. The next ones are
     /// prefetched.
     pub candidates: &'a [Candidate],
 }
 
 impl<'a> SphereChunk<'a> {
-    /// Those of the chunk, and of what comes after it.
+    /// The candidates of the chunk, and what is prefetched after it.
     fn chunk(self) -> PrefetchedChunk<'a> {
         chunk_of(self.candidates, self.spheres.len())
     }
 
-    /// The task of both kinds of set-up: the objects of this chunk, which is followed as
-    /// `prefetched` says, their arrays, and no output.
+    /// The task for both kernels that set up spheres: the objects of this chunk, what is prefetched
+    /// after it, and their arrays, but no output.
     fn task(self, prefetched: &PrefetchedChunk<'_>, arrays: &mut SphereArrays) -> SetupTask {
         let SphereChunk { spheres, candidates } = self;
         SetupTask {
@@ -762,56 +765,57 @@ impl<'a> SphereChunk<'a> {
     }
 }
 
-/// The candidates of a chunk, and how many are in the next two chunks, which are prefetched.
+/// The candidates of a chunk, and how many candidates the next two chunks have, which are
+/// prefetched.
 struct PrefetchedChunk<'a> {
     candidates: &'a [Candidate],
     ahead: u64,
     later: u64,
 }
 
-/// The first of these candidates, which are a chunk of `objects`.
+/// The first chunk of these candidates, which are indices of `objects` objects.
 fn chunk_of(candidates: &[Candidate], objects: usize) -> PrefetchedChunk<'_> {
     let (candidates, others) = candidates.split_at(candidates.len().min(CHUNK));
     let (ahead, others) = others.split_at(others.len().min(CHUNK));
-    // Faces are read ahead, too, to prefetch their vertices.
+    // Faces of later chunks are read too, to prefetch their vertices.
     let most = candidates.iter().chain(ahead).map(|candidate| candidate.id).max();
     assert!(most.is_some_and(|most| (most as usize) < objects), "ids of objects");
     PrefetchedChunk { candidates, ahead: ahead.len() as u64, later: others.len().min(CHUNK) as u64 }
 }
 
-/// The shading records of the spheres that own a pixel.
+/// The shading records of the spheres that have a pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SphereRecords<E> {
     pub spheres: Vec<TileSphere<E>>,
-    /// As many for each as there are lights.
+    /// Records of the long form: for each sphere as many as there are lights.
     pub lits: Vec<ObjectLight<E>>,
-    /// As many again.
+    /// Records of the short form: for each sphere as many as there are lights.
     pub shorts: Vec<ShortLight<E>>,
 }
 
 impl<E: Element> SphereRecords<E> {
-    /// Reserves memory for this many spheres and this many lights for each. It would grow by
-    /// itself, but copy the content.
+    /// Reserves memory for this many spheres, with this many lights each. The vectors would grow by
+    /// themselves, but copy their content.
     pub(crate) fn hold(&mut self, spheres: usize, lights: usize) {
         fn grow<T: Plain>(records: &mut Vec<T>, len: usize) {
             records.resize(records.len().max(len), T::ZERO);
         }
         // The last packet writes all of its lanes.
         grow(&mut self.spheres, spheres.saturating_add(MOST_SET_UP));
-        // As many as there are records, whatever they were made for.
+        // As many as there are records of spheres, whatever number was requested.
         let lits = for_each(self.spheres.len(), lights);
         grow(&mut self.lits, lits);
         grow(&mut self.shorts, lits);
     }
 
-    /// Forgets all records, which may be for another number of lights than the next ones.
+    /// Drops all records; the next ones may have another number of lights.
     pub(crate) fn clear(&mut self) {
         self.spheres.clear();
         self.lits.clear();
         self.shorts.clear();
     }
 
-    /// Copies the record at one index to another, without the `hidden` ones of its `lights`.
+    /// Copies the record of a sphere to another index, without the `hidden` ones of its `lights`.
     pub(crate) fn without(&mut self, from: usize, to: usize, hidden: impl Iterator<Item = usize>, lights: usize) {
         self.spheres[to] = self.spheres[from];
         self.lits.copy_within(from * lights..(from + 1) * lights, to * lights);
@@ -827,31 +831,31 @@ impl<E: Element> SphereRecords<E> {
 /// The shading records of the objects of a tile.
 #[derive(Clone, Copy)]
 pub struct ShadingRecords<'a, E> {
-    /// As many for each id of the tile, from 0, as there are lights; zeros for the spheres.
+    /// A record per light for each id of the tile, from 0 on; zeros for spheres.
     pub shades: &'a [TileShade<E>],
     pub lights: &'a [LightPosition<E>],
-    /// The indices of the records of the tile's spheres, which come before its triangles.
+    /// The index of the record of each of the tile's spheres, which come before its triangles.
     pub sphere_ids: &'a [u32],
-    /// The records of those that own a pixel.
+    /// The records of the spheres that have a pixel.
     pub spheres: &'a [TileSphere<E>],
-    /// As many for each of them as there are lights.
+    /// Records of the long form: for each of these spheres as many as there are lights.
     pub lits: &'a [ObjectLight<E>],
-    /// As many, weighted for bytes, for those with `short` set.
+    /// Records of the short form, weighted for bytes, for the spheres whose `short` is set.
     pub shorts: &'a [ShortLight<E>],
 }
 
-/// The output of a tile's pixels.
+/// Where a tile's pixels are written.
 pub struct TileOut<'a, P> {
-    /// Whole rows of the picture.
+    /// The pixels of whole rows of the picture.
     pub pixels: &'a mut [P],
-    /// The index of the window's first pixel among them.
+    /// The index of the window's first pixel in `pixels`.
     pub first: usize,
-    /// Pixels from row to row.
+    /// The number of pixels from one row to the next.
     pub width: usize,
 }
 
 impl<P> TileOut<'_, P> {
-    /// Checks that the pixels of a window, which is not empty, are there.
+    /// Checks that `pixels` has the pixels of a window, which is not empty.
     fn check(&self, window: &TileWindow) {
         let columns = window.columns as usize;
         assert!(columns <= self.width, "rows of {} pixels", self.width);

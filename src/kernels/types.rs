@@ -1,23 +1,23 @@
-//! The packed types that Rust, C and NASM share; layout.inc has their offsets, which records.rs
+//! The packed types that Rust, C and NASM share. layout.inc has their offsets, which records.rs
 //! asserts.
 
-/// Types made only of numbers: every bit pattern is a value, and there is no padding.
+/// Types that consist only of numbers: every bit pattern is a value, and there is no padding.
 ///
 /// # Safety
-/// Both must hold, so that kernels may write any bits and safe code may read them.
+/// Both must be true, so that kernels may write any bits and safe code may read them.
 pub unsafe trait Plain: Copy + 'static {
-    /// All bits 0.
+    /// The value whose bits are all 0.
     const ZERO: Self;
 }
 
-/// Their bytes, in the machine's order.
+/// The bytes of values, in the machine's byte order.
 pub fn bytes<T: Plain>(values: &[T]) -> &[u8] {
     // SAFETY: no byte of a plain type is padding, and any address is aligned for bytes.
     unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), size_of_val(values)) }
 }
 
-/// A vector of three in one 128-bit register: x, y, z and a `w` that is 0 wherever the paper's
-/// macros expect a vector.
+/// A vector of three numbers in one 128-bit register: x, y, z, and a `w` that is 0 wherever the
+/// paper's macros expect a vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]
 pub struct Vec4 {
@@ -31,24 +31,25 @@ pub struct Vec4 {
     pub w: f32,
 }
 
-/// The rays of an image in f32: lines 1 to 4 of Algorithm 1; and what its pixels begin as.
+/// The rays of an image in f32, lines 1 to 4 of Algorithm 1, and the colour that its pixels begin
+/// with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Frame {
-    /// The light of a ray that hits nothing. The ladder's variants of Algorithm 1 take it for
-    /// black, and `first` for 0.
+    /// The light of a ray that hits nothing. The ladder's variants of Algorithm 1 ignore it and use
+    /// black, and ignore `first` and use 0.
     pub background: Vec4,
-    /// Side of a pixel on the film.
+    /// The side of a pixel on the film.
     pub step: f32,
     /// Half of the film's width.
     pub half_width: f32,
     /// Half of the film's height.
     pub half_height: f32,
-    /// Focal distance.
+    /// The focal distance.
     pub focal: f32,
     /// The column of a row's first pixel.
     pub first: u64,
-    /// Pixels in a row.
+    /// The number of pixels in a row.
     pub width: u64,
 }
 
@@ -56,7 +57,7 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
 pub struct Light {
-    /// Its position.
+    /// The light's position.
     pub position: Vec4,
     /// I_L = intensity x colour, finite.
     pub radiance: Vec4,
@@ -86,7 +87,7 @@ pub struct PaperTriangle {
     pub colour: Vec4,
 }
 
-/// What the Lambert term needs of a hit.
+/// What the Lambert term needs to know about a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
 pub struct Surface {
@@ -98,7 +99,7 @@ pub struct Surface {
     pub colour: Vec4,
 }
 
-/// The lights and objects of a scene, in its order.
+/// The lights and objects of a scene, in the scene's order.
 #[derive(Clone, Copy, Debug)]
 pub struct Objects<'a> {
     pub lights: &'a [Light],
@@ -108,12 +109,12 @@ pub struct Objects<'a> {
 }
 
 impl Vec4 {
-    /// A vector of three.
+    /// A vector of three numbers, with w = 0.
     pub fn new(x: f32, y: f32, z: f32) -> Self {
         Vec4 { x, y, z, w: 0.0 }
     }
 
-    /// Its four lanes.
+    /// The four lanes.
     pub fn lanes(self) -> [f32; 4] {
         [self.x, self.y, self.z, self.w]
     }
@@ -134,8 +135,8 @@ impl From<glam::Vec3> for Vec4 {
 macro_rules! plain {
     ($($type:ty = $zero:expr),* $(,)?) => {
         $(
-            // SAFETY: made of numbers that fill its size, as the offsets asserted in records.rs
-            // show.
+            // SAFETY: the type consists of numbers that leave no padding, as the offsets asserted
+            // in records.rs show.
             unsafe impl Plain for $type {
                 const ZERO: Self = $zero;
             }

@@ -1,49 +1,49 @@
-//! The arguments of operations on packets of vectors, and chains of operations to measure their
-//! latency and throughput.
+//! The arguments of operations on packets of vectors, and chains of operations by which latency and
+//! throughput are measured.
 
 use std::marker::PhantomData;
 
 use super::kernel::{Kernel, Way, function, kinds, reads, writes};
 use super::records::Element;
 
-/// The operands of an operation on packets beside its vectors, and its result.
+/// The number of operands that an operation on packets has beside its vectors, and of its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Elements of `b` for each vector: 3, 1 for scalars, 0 if there are none.
+    /// The elements of `b` per vector: 3; 1 for scalars; 0 if there are none.
     pub b_numbers: usize,
-    /// Elements of `b` that all vectors share: those of a record.
+    /// The elements of `b` that all vectors share, which make up a record.
     pub record: usize,
-    /// Elements of the result for each vector: 3, or 1 for scalars.
+    /// The elements of the result per vector: 3, or 1 for scalars.
     pub out_numbers: usize,
 }
 
-/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is
-/// LANES of them. It is not `Copy`, since the owner of a copy could change the lengths that the
-/// kernel relies on.
+/// An operation on packets of vectors. A packet of vectors is LANES x, then LANES y, then LANES z;
+/// a packet of scalars is LANES of them. The type is not `Copy`, since the owner of a copy could
+/// change the lengths that the kernel relies on.
 pub struct PacketOp<E> {
     /// The operation's name, as in [`AosKernels`](super::AosKernels).
     pub name: &'static str,
-    /// Vectors in a packet.
+    /// The number of vectors in a packet.
     pub lanes: usize,
-    /// The shapes of `b` and the result.
+    /// The number of elements that `b` and the result have.
     pub shape: Shape,
-    /// Takes (out, a, b, packets), according to `lanes` and `shape`.
+    /// The kernel, which takes (out, a, b, packets), in accordance with `lanes` and `shape`.
     pub(super) kernel: Kernel<PhantomData<E>>,
 }
 
-/// The code of an operation on packets: to be read, also where the CPU lacks its instructions.
+/// The code of an operation on packets, which can be read even if the CPU lacks its instructions.
 pub struct PacketOpCode {
     pub name: &'static str,
     pub symbol: &'static str,
     pub address: usize,
-    /// See [`PacketOp::lanes`].
+    /// The number of vectors in a packet.
     pub lanes: usize,
-    /// See [`PacketOp::shape`].
+    /// The number of elements that `b` and the result have.
     pub shape: Shape,
 }
 
 impl<E: Element> PacketOp<E> {
-    /// What is known of its code.
+    /// The code of the operation.
     pub fn code(&self) -> PacketOpCode {
         PacketOpCode {
             name: self.name,
@@ -54,7 +54,7 @@ impl<E: Element> PacketOp<E> {
         }
     }
 
-    /// The symbol of its code.
+    /// The symbol of the operation's code.
     pub fn symbol(&self) -> &'static str {
         self.kernel.symbol()
     }
@@ -63,11 +63,11 @@ impl<E: Element> PacketOp<E> {
         self.kernel.address()
     }
 
-    /// Writes the results for all packets of `a` and for `b` to `out`.
+    /// Writes the results for all packets of `a`, with `b`, to `out`.
     ///
     /// # Panics
-    /// If the lengths are not those of the same number of whole packets, and of a record if there
-    /// is one.
+    /// If the lengths are not those of the same number of whole packets, and of a record if the
+    /// operation takes one.
     #[inline]
     pub fn call(&self, out: &mut [E], a: &[E], b: &[E]) {
         let packets = a.len() / (3 * self.lanes);
@@ -76,38 +76,38 @@ impl<E: Element> PacketOp<E> {
         let fits =
             a.len() == 3 * vectors && b.len() == b_numbers * vectors + record && out.len() == out_numbers * vectors;
         assert!(fits, "{} takes whole packets of {}, as many in each", self.name, self.lanes);
-        // SAFETY: all three have this many packets and `b` a record; the kernel asks for no
-        // alignment, reads and writes only those, and any bits are elements.
+        // SAFETY: all three slices have this number of packets, and `b` has the record. The kernel
+        // requires no alignment, only reads and writes these slices, and any bits are elements.
         unsafe { self.kernel.enter([writes(out), reads(a), reads(b), packets as u64, 0, 0]) };
     }
 }
 
 kinds! {
-    /// A loop of operations.
+    /// A loop that executes an operation over and over.
     Chain
 
-    /// Runs it for this many rounds, at least one, and returns the number of operations.
+    /// Runs the loop for this many rounds, at least one. Returns the number of operations executed.
     fn run(rounds: u64) -> u64; |way| {
         let Way::Code(enter) = way;
-        // It reads only its own constants.
+        // The kernel only reads its own constants.
         let rounds = rounds.max(1);
         rounds * enter([rounds, 0, 0, 0, 0, 0])
     }
 }
 
-/// The two chains of an operation.
+/// The two chains by which an operation is timed.
 pub struct Chains {
     pub op: &'static str,
-    /// Each operation needs the previous result, led back by as many feedbacks.
+    /// Each operation needs the previous result, which a feedback turns into its operand.
     pub latency: Chain,
     /// The operations are independent; each loads its operands.
     pub throughput: Chain,
 }
 
-/// Chains of the operations on packets of f32.
+/// Chains of all operations on packets of f32.
 pub struct PacketChains {
     pub chains: &'static [Chains],
-    /// Their feedback alone.
+    /// The feedback of the latency chains by itself.
     pub feedback: Chain,
     /// Multiply-adds of packets that are independent of each other.
     pub muladd: Chain,

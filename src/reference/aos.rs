@@ -1,19 +1,19 @@
-//! The twin of the paper's macros: every operation of `asm/include/*_aos.inc` over four lanes, in
-//! the same order.
+//! The twin of the paper's macros: every operation of `asm/include/*_aos.inc` on four lanes, in the
+//! same order.
 //!
-//! Plain operations, none fused, so that the two agree to the last bit. The names are those of
-//! `asm/ops/aos.asm`.
+//! The operations are plain and never fused, so that twin and macros agree to the last bit. The
+//! names are those of `asm/ops/aos.asm`.
 
 use std::ops::{Add, Div, Mul, Sub};
 
-/// Four lanes: x, y, z and a w that is 0 in a vector.
+/// Four lanes: x, y, z, and w, which is 0 in a vector.
 pub type Lanes<S = f32> = [S; 4];
 
-/// What the twin computes with: f32, and in proofs expressions in place of numbers.
+/// The numbers that the twin computes with: f32 or, in proofs, symbolic expressions.
 pub trait Scalar:
     Copy + PartialOrd + From<f32> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// NaN below 0.
+    /// The square root; NaN below 0.
     fn sqrt(self) -> Self;
     fn abs(self) -> Self;
 }
@@ -30,16 +30,16 @@ impl Scalar for f32 {
     }
 }
 
-/// Which forms the macros take: `AOS_BEST` of the assembly.
+/// Which forms the macros have, as `AOS_BEST` selects them in the assembly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// The forms that the paper counts.
+    /// The forms whose instructions the paper counts.
     Paper,
     /// The best forms that we know.
     Best,
 }
 
-/// A point light: its position, and I_L.
+/// A point light: its position, and its radiance I_L.
 #[derive(Clone, Copy, Debug)]
 pub struct Light<S = f32> {
     pub position: Lanes<S>,
@@ -60,14 +60,14 @@ pub struct Triangle<S = f32> {
     pub colour: Lanes<S>,
 }
 
-/// What the Lambert term needs of a hit.
+/// What the Lambert term needs to know about a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<S = f32> {
-    /// P.
+    /// The point P.
     pub point: Lanes<S>,
-    /// N.
+    /// The normal N.
     pub normal: Lanes<S>,
-    /// C.
+    /// The colour C.
     pub colour: Lanes<S>,
 }
 
@@ -93,7 +93,7 @@ pub fn scale<S: Scalar>(a: Lanes<S>, s: S) -> Lanes<S> {
     a.map(|a| a * s)
 }
 
-/// a . b: (xx + yy) + (zz + ww), or zz + (yy + xx) in the best form.
+/// a . b: (xx + yy) + (zz + ww), or in the best form zz + (yy + xx).
 #[inline]
 pub fn dot<S: Scalar>(form: Form, a: Lanes<S>, b: Lanes<S>) -> S {
     let [x, y, z, w] = lanes(a, b, |a, b| a * b);
@@ -109,7 +109,7 @@ pub fn norm<S: Scalar>(form: Form, a: Lanes<S>) -> S {
     dot(form, a, a).sqrt()
 }
 
-/// a x b, in all four lanes as the shuffles make it.
+/// a x b, with the fourth lane as the macro's shuffles make it.
 #[inline]
 pub fn cross<S: Scalar>(a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
     let yzx = |v: Lanes<S>| [v[1], v[2], v[0], v[3]];
@@ -124,26 +124,26 @@ pub fn normalise<S: Scalar>(form: Form, a: Lanes<S>) -> Lanes<S> {
     a.map(|a| a / s)
 }
 
-/// The t of SPHERE_HIT, infinity for a miss.
+/// The t that SPHERE_HIT gives; infinity for a miss.
 #[inline]
 pub fn sphere<S: Scalar>(form: Form, ray: Lanes<S>, s: &Sphere<S>) -> S {
     let a = dot(form, ray, ray);
     let h = dot(form, s.centre, ray);
     let k = dot(form, s.centre, s.centre) - s.radius * s.radius;
     let disc = h * h - k * a;
-    // NaN, which no comparison holds for, if the ray misses it.
+    // If the ray misses, the root is NaN, for which no comparison holds.
     let root = disc.sqrt();
     [(h - root) / a, (h + root) / a].into_iter().find(|t| *t > S::from(0.0)).unwrap_or(S::from(f32::INFINITY))
 }
 
-/// The normal of eq. 6.
+/// The triangle's normal, eq. 6.
 #[inline]
 pub fn plane_normal<S: Scalar>(s: &Triangle<S>) -> Lanes<S> {
     let [v1, v2, v3] = s.vertices;
     cross(sub(v1, v2), sub(v1, v3))
 }
 
-/// The t of TRIANGLE_HIT, infinity for a miss.
+/// The t that TRIANGLE_HIT gives; infinity for a miss.
 #[inline(always)]
 pub fn triangle<S: Scalar>(form: Form, ray: Lanes<S>, s: &Triangle<S>) -> S {
     let [v1, v2, v3] = s.vertices;
@@ -162,7 +162,7 @@ pub fn triangle<S: Scalar>(form: Form, ray: Lanes<S>, s: &Triangle<S>) -> S {
     }
 }
 
-/// The light that LAMBERT adds, for `sides` 1 or 2.
+/// The light that LAMBERT adds to a surface with one or two `sides`.
 #[inline]
 pub fn lambert<S: Scalar>(form: Form, sides: u32, surface: &Surface<S>, light: &Light<S>) -> Lanes<S> {
     let l = normalise(form, sub(light.position, surface.point));
@@ -172,7 +172,7 @@ pub fn lambert<S: Scalar>(form: Form, sides: u32, surface: &Surface<S>, light: &
     lanes(scale(light.radiance, cosine), surface.colour, |i, c| i * c)
 }
 
-/// Algorithm 1 for one ray: the colour of its pixel, which begins as `pixel`.
+/// Algorithm 1 for one ray: the colour of its pixel, which is `pixel` at the beginning.
 pub fn trace(
     form: Form,
     ray: Lanes,

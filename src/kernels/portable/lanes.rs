@@ -1,32 +1,32 @@
-//! Packets of numbers as plain arrays: each operation is on every lane, and compilers make vector
-//! instructions of it.
+//! Packets of numbers as plain arrays. Each operation acts on every lane, and compilers turn it
+//! into vector instructions.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use super::super::records::Element;
 use super::super::types::Plain;
 
-/// The number of a lane. In a mask, all of its bits are set or none.
+/// A number in a lane. In a mask all of its bits are set, or none.
 pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
-    /// From this magnitude on all numbers are integers.
+    /// All numbers of at least this magnitude are integers.
     const INTEGERS: Self;
-    /// The square root, NaN below 0.
+    /// The square root; NaN below 0.
     fn sqrt(self) -> Self;
     /// `self * b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
     fn abs(self) -> Self;
     fn negated(self) -> Self;
-    /// Its magnitude with the sign of another.
+    /// The magnitude of this number with the sign of another.
     fn with_sign_of(self, sign: Self) -> Self;
-    /// A mask with all bits set, or none.
+    /// A mask: all bits set, or none.
     fn mask(is_set: bool) -> Self;
     /// Whether any bit is set.
     fn is_set(self) -> bool;
     fn and(self, other: Self) -> Self;
     fn or(self, other: Self) -> Self;
-    /// Rounded to f32, and clamped to the largest f32, also for a NaN.
+    /// The number rounded to f32, and clamped to the largest f32; that also for a NaN.
     fn to_float(self) -> f32;
-    /// Rounded down and clamped to 0 to 255; 255 for a NaN.
+    /// The number rounded down and clamped to 0 to 255; 255 for a NaN.
     fn to_level(self) -> u32;
 }
 
@@ -79,8 +79,8 @@ macro_rules! number {
             fn to_level(self) -> u32 {
                 let level = if self < 255.0 { self } else { 255.0 };
                 let level = if level > 0.0 { level } else { 0.0 };
-                // SAFETY: it is no NaN, and from 0 to 255: a cast that asked once more would take
-                // longer than all the rest.
+                // SAFETY: the number is not a NaN, and from 0 to 255. A cast that checks this again
+                // would take longer than everything else.
                 unsafe { level.to_int_unchecked::<i32>() as u32 }
             }
         }
@@ -89,16 +89,16 @@ macro_rules! number {
 number!(f32, u32, 8_388_608.0, |x| x);
 number!(f64, u64, 4_503_599_627_370_496.0, |x| if x < f32::MAX.into() { x as f32 } else { f32::MAX });
 
-/// A packet of numbers in lockstep.
+/// A packet of numbers that are computed in lockstep.
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + 'static
 {
     type Number: Number;
     /// The number of lanes.
     const COUNT: usize;
-    /// Whether a product and a sum are rounded only once.
+    /// Whether a product and its sum are rounded together, only once.
     const FUSED: bool;
-    /// The results of a function of each lane's index.
+    /// Makes a packet by a function of the lane's index.
     fn from_fn(number: impl FnMut(usize) -> Self::Number) -> Self;
     fn lane(&self, at: usize) -> Self::Number;
 
@@ -117,19 +117,19 @@ pub trait Lanes:
     fn natural() -> Self {
         Self::from_fn(|i| Self::Number::from_f64(i as f64))
     }
-    /// The first numbers of a slice.
+    /// Loads the first numbers of a slice.
     #[inline(always)]
     fn load(from: &[Self::Number]) -> Self {
         let from = &from[..Self::COUNT];
         Self::from_fn(|i| from[i])
     }
-    /// The same from the bits of f32.
+    /// Loads the first numbers of a slice, which are the bits of f32.
     #[inline(always)]
     fn load_bits(from: &[u32]) -> Self {
         let from = &from[..Self::COUNT];
         Self::from_fn(|i| Self::Number::from_f64(f32::from_bits(from[i]).into()))
     }
-    /// Stores them, each rounded once, at the beginning of a slice.
+    /// Stores the numbers, each rounded once, at the beginning of a slice.
     #[inline(always)]
     fn store<E: Element>(self, to: &mut [E]) {
         let to = &mut to[..Self::COUNT];
@@ -137,12 +137,12 @@ pub trait Lanes:
             *to = E::from_f64(self.lane(i).to_f64());
         }
     }
-    /// The results of a function of each number.
+    /// Applies a function to each number.
     #[inline(always)]
     fn map(self, f: impl Fn(Self::Number) -> Self::Number) -> Self {
         Self::from_fn(|i| f(self.lane(i)))
     }
-    /// The results of a function of each number and the one in the same lane of `other`.
+    /// Applies a function to each number and the one in the same lane of `other`.
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(Self::Number, Self::Number) -> Self::Number) -> Self {
         Self::from_fn(|i| f(self.lane(i), other.lane(i)))
@@ -185,12 +185,12 @@ pub trait Lanes:
     fn select(self, a: Self, b: Self) -> Self {
         Self::from_fn(|i| if self.lane(i).is_set() { a.lane(i) } else { b.lane(i) })
     }
-    /// The lesser, `other` where either is NaN.
+    /// The minimum: self where self < other, else `other`.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         self.zip(other, |a, b| if a < b { a } else { b })
     }
-    /// The greater, `other` where either is NaN.
+    /// The maximum: self where self > other, else `other`.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         self.zip(other, |a, b| if a > b { a } else { b })
@@ -208,20 +208,20 @@ pub trait Lanes:
     fn negated(self) -> Self {
         self.map(Number::negated)
     }
-    /// Magnitudes with the signs of others.
+    /// The magnitudes of these numbers with the signs of others.
     #[inline(always)]
     fn with_sign_of(self, sign: Self) -> Self {
         self.zip(sign, Number::with_sign_of)
     }
-    /// Rounded down to integers. The standard library's floor is a function call where SSE4.1 may
-    /// be missing.
+    /// The numbers rounded down to integers. The standard library's floor is a function call where
+    /// SSE4.1 may be missing.
     #[inline(always)]
     fn floor(self) -> Self {
         let rounded = ((self.abs() + Self::all(Number::INTEGERS)) - Self::all(Number::INTEGERS)).with_sign_of(self);
         let down = rounded - rounded.greater(self).and(Self::of(1.0));
         Self::all(Number::INTEGERS).greater(self.abs()).select(down, self)
     }
-    /// Rounded up to integers.
+    /// The numbers rounded up to integers.
     #[inline(always)]
     fn ceil(self) -> Self {
         self.negated().floor().negated()
@@ -278,34 +278,34 @@ macro_rules! operation {
 }
 operation! { Add: add; Sub: sub; Mul: mul; Div: div; }
 
-/// a . b, as in DOT3.
+/// a . b, by the operations of DOT3.
 #[inline(always)]
 pub fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     (a[0] * b[0]).fma(a[1], b[1]).fma(a[2], b[2])
 }
 
-/// a . b, every product rounded separately: DOT3_UNFUSED.
+/// a . b, with every product rounded by itself: DOT3_UNFUSED.
 #[inline(always)]
 pub fn dot_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// a x b, every product rounded separately: CROSS3_UNFUSED.
+/// a x b, with every product rounded by itself: CROSS3_UNFUSED.
 #[inline(always)]
 pub fn cross_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
     [(1, 2), (2, 0), (0, 1)].each(|(i, j)| a[i] * b[j] - a[j] * b[i])
 }
 
-/// The results of a function of each component of two vectors.
+/// Applies a function to each component of two vectors.
 #[inline(always)]
 pub fn zip<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
     [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
 }
 
-/// An array's `map` that is always inlined; in large functions the compiler does not inline the
-/// standard library's.
+/// An array's `map`, always inlined. In large functions the compiler does not inline the standard
+/// library's.
 pub trait Each<T, const K: usize> {
-    /// The results of a function of each.
+    /// Applies a function to each element.
     fn each<U: Copy>(self, f: impl FnMut(T) -> U) -> [U; K];
 }
 

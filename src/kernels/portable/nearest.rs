@@ -1,6 +1,6 @@
-//! Finding the nearest object at each pixel of a tile, and what culling hidden objects needs.
+//! Finds the nearest object at each pixel of a tile, and what culling hidden objects needs.
 //!
-//! The twins of asm/tracers/nearest.asm, around.asm and nearer_half.asm.
+//! The twins of the kernels in asm/tracers/nearest.asm, around.asm and nearer_half.asm.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -15,7 +15,7 @@ use super::super::tiles::{SetUpObjects, TileGrid, TileWindow};
 use super::lanes::{Each, Lanes, Number, Packet, cross_unfused, dot_unfused};
 use super::spheres;
 
-/// The division of a tile into blocks, each of as many pixels as there are lanes.
+/// The division of a tile into blocks, each of which has a pixel for every lane.
 pub struct Blocks<L>(PhantomData<L>);
 
 impl<L: Lanes> Blocks<L> {
@@ -23,14 +23,14 @@ impl<L: Lanes> Blocks<L> {
     pub const HEIGHT: usize = L::COUNT / Self::WIDTH;
     pub const ACROSS: usize = TILE_WIDTH / Self::WIDTH;
 
-    /// The columns and rows of a block's pixels, from its first one.
+    /// The columns and rows of a block's pixels, relative to its first pixel.
     #[inline(always)]
     pub fn pixels() -> [L; 2] {
         let number = |i: usize| L::Number::from_f64(i as f64);
         [L::from_fn(|i| number(i % Self::WIDTH)), L::from_fn(|i| number(i / Self::WIDTH))]
     }
 
-    /// The column and row in the tile of a pixel's index.
+    /// The column and row in the tile of the pixel at an index.
     pub fn pixel(at: usize) -> [usize; 2] {
         let (block, lane) = (at / L::COUNT, at % L::COUNT);
         let (column, row) = (block % Self::ACROSS * Self::WIDTH, block / Self::ACROSS * Self::HEIGHT);
@@ -38,7 +38,8 @@ impl<L: Lanes> Blocks<L> {
     }
 }
 
-/// name0 + namex x + namey y, along a row: PLANE_ROW and PLANE_AT.
+/// A linear function along a row: name0 + namey y, and namex, its coefficient of x: PLANE_ROW and
+/// PLANE_AT.
 pub type Row<L> = [L; 2];
 
 #[inline(always)]
@@ -46,41 +47,43 @@ fn at<L: Lanes>([row, factor]: Row<L>, x: L) -> L {
     row.fma(factor, x)
 }
 
-/// The columns and rows where an object may be, as in [`Candidate`], and its id in the tile.
+/// The columns and rows where an object may be, as in [`Candidate`], and the object's id in the
+/// tile.
 pub struct PixelsAndId<E> {
     columns: u32,
     rows: u32,
     id: E,
 }
 
-/// Objects of a kind as functions of a tile's pixels. All lanes have the same object.
+/// Objects of one kind as functions of a tile's pixels. All lanes of a packet have the same object.
 pub trait Planes<L: Lanes> {
-    /// Their bounds, and the data that decide a hit where the functions cannot.
+    /// The objects' bounds, and the data by which f64 decides a hit where the functions cannot.
     type Transposed;
-    /// The function of an object along a row.
+    /// An object's functions along a row of pixels.
     type Row: Copy;
 
-    /// Where an object may be, and its id in the tile.
+    /// The pixels where an object may be, and its id in the tile.
     fn place(&self, of: &Self::Transposed, at: usize) -> PixelsAndId<L::Number>;
     /// Two limits of `measure`: below the first no ray hits the object, and from the second on
     /// every ray surely does. Between them, rounding may decide.
     fn bounds(&self, at: usize) -> [L; 2];
-    /// The function along a row of blocks, with pixels y from the tile's middle, which is at
-    /// `middle` in the picture.
+    /// The functions along a row of blocks, whose pixels have the distances y from the tile's
+    /// middle; the middle is at `middle` in the picture.
     fn row(&self, at: usize, y: L, middle: [f64; 2]) -> Self::Row;
     fn measure(row: Self::Row, x: L) -> L;
-    /// Its 1/t at x, where it has this measure.
+    /// The object's 1/t at x, where its measure is `measure`.
     fn inverse(row: Self::Row, x: L, measure: L) -> L;
-    /// Whether the ray `d` hits it.
+    /// Whether the ray `d` hits the object.
     fn hits(&self, of: &Self::Transposed, at: usize, d: DVec3) -> bool;
 }
 
-/// As a DVec3.
+/// A vector from numbers given as bits, in f64.
 fn wide(numbers: [&[u32]; 3], at: usize) -> DVec3 {
     DVec3::from_array(numbers.each(|numbers| f32::from_bits(numbers[at]).into()))
 }
 
-/// One number in f64, nothing fused, as the reference decides.
+/// A single number in f64, without fused operations, by which the reference's decisions are
+/// repeated.
 type One = Packet<f64, 1, false>;
 
 fn one(v: DVec3) -> [One; 3] {
@@ -96,22 +99,23 @@ pub fn is_in_triangle<W: Lanes<Number = f64>>([a, b, c]: [[W; 3]; 3], side: W, d
     [(a, b), (b, c), (c, a)].into_iter().all(is_inside)
 }
 
-/// Whether a ray meets a sphere: IF_OUTSIDE_SPHERE. The squares of d x c are those of c x d.
+/// Whether a ray meets a sphere: IF_OUTSIDE_SPHERE. That computes c x d, whose squares are those of
+/// d x c.
 #[inline(always)]
 pub fn is_in_sphere<W: Lanes<Number = f64>>(centre: [W; 3], radius: W, d: [W; 3]) -> bool {
     let across = cross_unfused(d, centre);
     (dot_unfused(d, d) * radius * radius).not_less(dot_unfused(across, across)).any()
 }
 
-/// A sphere along a row of pixels, from its own origin.
+/// A sphere's functions along a row of pixels, relative to the sphere's own origin.
 #[derive(Clone, Copy)]
 pub struct SphereFunctions<L> {
-    /// D at x = 0, and its coefficients of x and x^2.
+    /// The discriminant D at x = 0, and its coefficients of x and x^2.
     pub d: [L; 3],
     pub h: Row<L>,
 }
 
-/// A sphere along the row y from its origin: SPHERE_ROW.
+/// A sphere's functions along the row y, relative to its origin: SPHERE_ROW.
 #[inline(always)]
 pub fn sphere_row<L: Lanes>(planes: &SpherePlanes<L::Number>, at: usize, y: L) -> SphereFunctions<L> {
     let all = |numbers: &[L::Number; _]| L::all(numbers[at]);
@@ -121,23 +125,23 @@ pub fn sphere_row<L: Lanes>(planes: &SpherePlanes<L::Number>, at: usize, y: L) -
     SphereFunctions { d: [d, linear, all(&planes.dxx)], h: [h, all(&planes.hx)] }
 }
 
-/// D at x from a sphere's origin: SPHERE_D_AT.
+/// The discriminant D at x, relative to a sphere's origin: SPHERE_D_AT.
 #[inline(always)]
 pub fn sphere_d<L: Lanes>([d, linear, square]: [L; 3], x: L) -> L {
     d.fma(linear.fma(square, x), x)
 }
 
-/// 1/t there: SPHERE_INVERSE_AT.
+/// 1/t at x, where the discriminant is `d`: SPHERE_INVERSE_AT.
 #[inline(always)]
 pub fn sphere_inverse<L: Lanes>(h: Row<L>, x: L, d: L, most: L) -> L {
     (at(h, x) + d.max(L::of(0.0)).sqrt()).min(most)
 }
 
-/// A triangle along a row of pixels.
+/// A triangle's functions along a row of pixels.
 #[derive(Clone, Copy)]
 pub struct TriangleRow<L> {
     edges: [Row<L>; 3],
-    /// 1/t, and its upper bound.
+    /// 1/t along the row; `most` is its upper bound.
     inverse: Row<L>,
     most: L,
 }
@@ -183,13 +187,13 @@ impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
     }
 }
 
-/// A sphere along a row of pixels.
+/// A sphere's functions along a row of pixels.
 #[derive(Clone, Copy)]
 pub struct SphereRow<L> {
     functions: SphereFunctions<L>,
-    /// The upper bound of 1/t.
+    /// An upper bound of 1/t.
     most: L,
-    /// The offset of the sphere's origin from the tile's middle, in columns.
+    /// The distance of the sphere's origin from the tile's middle, in columns.
     offset: L,
 }
 
@@ -226,7 +230,8 @@ impl<L: Lanes> Planes<L> for SpherePlanes<L::Number> {
     }
 }
 
-/// The range of columns, or rows, of bounds within a tile that begins at `tile`.
+/// The range of columns, or rows, of an object's bounds that are within a window of the tile that
+/// begins at `tile`.
 fn within(bounds: u32, tile: u32, window: Range<u32>) -> Range<usize> {
     let place = |x: u32| x.saturating_sub(tile) as usize;
     place(bounds & 0xffff).max(window.start as usize)..place(bounds >> 16).min(window.end as usize)
@@ -239,27 +244,28 @@ struct TestedObject<'a, L: Lanes, P: Planes<L>> {
     order: &'a [u32],
     window: &'a TileWindow,
     grid: &'a TileGrid,
-    /// Its index among the objects.
+    /// The object's index among the objects that were set up.
     index: usize,
     id: L::Number,
-    /// See [`Planes::bounds`].
+    /// The two limits of the measure; see [`Planes::bounds`].
     inside: L,
     sure: L,
 }
 
-/// The measure and 1/t of an object at the pixels of a block, and the 1/t that is nearest so far.
+/// The measure and 1/t of an object at the pixels of a block, and 1/t of the nearest object so far.
 #[derive(Clone, Copy)]
 struct BlockOfHits<L> {
     measure: L,
     w: L,
     there: L,
-    /// A mask of the lanes that are hit within rounding, and no farther than what is there.
+    /// A mask of the lanes that the object may hit, within rounding, and where it is not farther
+    /// than the nearest object so far.
     hit: L,
 }
 
 impl<L: Lanes, P: Planes<L>> TestedObject<'_, L, P> {
-    /// Gives the object its pixels of the block whose first one has this index in the tile: x are
-    /// their columns from the tile's middle.
+    /// Gives the object those pixels of a block where it is nearest. The block's first pixel has
+    /// the index `first` in the tile; x are the columns of its pixels, from the tile's middle.
     #[inline(always)]
     fn test_block(&self, row: P::Row, x: L, first: usize, near: &mut [L::Number], who: &mut [L::Number]) {
         let measure = P::measure(row, x);
@@ -280,9 +286,9 @@ impl<L: Lanes, P: Planes<L>> TestedObject<'_, L, P> {
         }
     }
 
-    /// Whether a hit stays where it is equally near as another, or within rounding of an edge.
-    /// Equally near: the first in the scene wins, and an empty pixel wins any tie. Within the
-    /// rounding f64 decides, as in the reference.
+    /// Whether a hit counts that is exactly as near as another one, or within rounding of an edge.
+    /// Of two equally near objects the first in the scene wins; an empty pixel keeps any tie.
+    /// Within rounding f64 decides, as in the reference.
     #[inline(always)]
     fn stays(&self, block: &BlockOfHits<L>, lane: usize, pixel: usize, owner: L::Number) -> bool {
         let place = |id: L::Number| self.order[id.to_index() as usize];
@@ -300,7 +306,8 @@ impl<L: Lanes, P: Planes<L>> TestedObject<'_, L, P> {
     }
 }
 
-/// Gives the window's pixels where nothing is nearer, or as near and first, to objects.
+/// Gives pixels of the window to the objects that are nearest there. Of equally near objects the
+/// first in the scene wins.
 pub fn nearest<L: Lanes, P: Planes<L>>(
     tile: &mut Tile<L::Number>,
     SetUpObjects { planes, arrays, count }: SetUpObjects<'_, P, P::Transposed>,
@@ -337,7 +344,8 @@ pub fn nearest<L: Lanes, P: Planes<L>>(
     }
 }
 
-/// 1/t of a sphere around the camera or beside it at all pixels of the tile that begins there.
+/// Computes 1/t of a sphere that contains the camera or is beside it, at all pixels of the tile
+/// that begins at `column` and `row`.
 pub fn around<L: Lanes, W: Lanes<Number = f64>>(
     sphere: &AroundSphere<f64>,
     near: &mut [L::Number; TILE_PIXELS],
@@ -350,13 +358,14 @@ pub fn around<L: Lanes, W: Lanes<Number = f64>>(
     }
 }
 
-/// Partitions candidates at the middle, by their bits, of the nearest and the farthest.
+/// Partitions candidates by their upper bounds of 1/t at the middle, by their bits, of the nearest
+/// and the farthest.
 pub fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize {
     let bits = || candidates.iter().map(|candidate| candidate.most.to_bits());
     let most = bits().filter(|most| *most != f32::MAX.to_bits()).max().unwrap_or(0);
     let middle = (bits().min().unwrap_or(0) + most) / 2;
     let (mut near, mut far) = (0, 0);
-    // A branch would be mispredicted.
+    // Without a branch, which would be mispredicted.
     for candidate in candidates {
         let is_near = candidate.most.to_bits() >= middle;
         (nearer[near], farther[far]) = (*candidate, *candidate);

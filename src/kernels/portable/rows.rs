@@ -1,4 +1,5 @@
-//! Whole rows of a picture of one sphere under one light: asm/tracers/lit_rows.asm and lit.asm.
+//! Renders whole rows of a picture of one sphere under one light: asm/tracers/lit_rows.asm and
+//! lit.asm.
 
 use super::super::packet::{F32x3, Rgb8, Rgba8};
 use super::super::records::{Element, LitRows, LitSetup, LitSphere, MOST_LANES};
@@ -6,15 +7,15 @@ use super::super::types::Vec4;
 use super::lanes::{Each, Lanes, Number};
 
 pub trait Pixel: Copy {
-    /// That of no light.
+    /// The pixel that no light reaches.
     const BLACK: Self;
-    /// Whether full light is 255.
+    /// Whether white is 255 and not 1.
     const LEVELS: bool;
 
-    /// Makes pixels of as many lanes from number `first` on.
+    /// Stores a pixel for each lane, from the index `first` on.
     fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize);
 
-    /// Makes the pixels of a span from number `first` on.
+    /// Stores the pixels of a span from the index `first` on.
     #[inline(always)]
     fn span<L: Lanes, const GREY: bool>(of: &Span<'_, L, GREY>, first: usize, to: &mut [Self]) {
         let mut j = L::all(of.j) + L::of(first as f64) + L::natural();
@@ -26,7 +27,7 @@ pub trait Pixel: Copy {
         Self::put_some(packets.into_remainder(), of.colour(j), 0, L::COUNT);
     }
 
-    /// Writes the pixels of the first of `lanes` lanes, as many as `to` has room for.
+    /// Stores the pixels of the first `lanes` lanes, or as many as `to` has room for.
     #[inline(always)]
     fn put_some<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize, lanes: usize) {
         if to.len() == lanes {
@@ -55,7 +56,7 @@ impl Pixel for Rgba8 {
     const LEVELS: bool = true;
     #[inline(always)]
     fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
-        // A channel after another, each in numbers of 32 bits.
+        // One channel after the other, each as 32-bit numbers.
         let [red, green, blue] = colour.each(|channel| {
             let mut levels = [0; MOST_LANES];
             for (i, level) in levels[..to.len()].iter_mut().enumerate() {
@@ -69,7 +70,7 @@ impl Pixel for Rgba8 {
     }
 }
 
-/// The lower three bytes of each of four numbers, of which the highest is 0.
+/// The lower three bytes of each of four numbers, whose highest byte is 0.
 #[inline(always)]
 fn side_by_side([a, b, c, d]: [u32; 4]) -> [Rgb8; 4] {
     let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
@@ -78,7 +79,7 @@ fn side_by_side([a, b, c, d]: [u32; 4]) -> [Rgb8; 4] {
     pixels
 }
 
-/// Leaves out the fourth channel.
+/// Drops the fourth channel of pixels of bytes.
 pub fn narrow_rgb8(four: &[Rgba8], three: &mut [Rgb8]) {
     let ((fours, rest), (threes, others)) = (four.as_chunks::<4>(), three.as_chunks_mut::<4>());
     for (four, three) in fours.iter().zip(threes) {
@@ -87,12 +88,12 @@ pub fn narrow_rgb8(four: &[Rgba8], three: &mut [Rgb8]) {
     rest.iter().zip(others).for_each(|([red, green, blue, _], to)| *to = [*red, *green, *blue]);
 }
 
-/// The same in floats.
+/// Drops the fourth channel of pixels of floats.
 pub fn narrow_f32x3(four: &[Vec4], three: &mut [F32x3]) {
     four.iter().zip(three).for_each(|(four, three)| *three = [four.x, four.y, four.z]);
 }
 
-/// The rows from number `first` on.
+/// Finds the rows of the picture from the index `first` on.
 pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
     setup: &LitSetup<f64>,
     first: u32,
@@ -107,7 +108,7 @@ pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
         let g = y * y + all(setup.zz);
         let across = all(setup.cyz) - y * all(cz);
         let squared = across * across;
-        // NaN where the row misses the sphere.
+        // NaN in rows that miss the sphere.
         let root = ((g - squared) * all(setup.k)).sqrt();
         let h = y * all(cy) + all(setup.czz);
         let b = h * all(cx);
@@ -136,8 +137,8 @@ pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// The pixels of rows, whose three weights are equal if `GREY`. Inlined, it has the instructions
-/// that its caller may use.
+/// Renders rows of pixels; the light's three weights are equal if `GREY`. It is inlined so that it
+/// uses the instructions that its caller may use.
 #[inline(always)]
 pub fn shade_rows<L: Lanes, P: Pixel, const GREY: bool>(
     sphere: &LitSphere<L::Number>,
@@ -168,7 +169,7 @@ pub struct Span<'a, L: Lanes, const GREY: bool> {
 }
 
 impl<L: Lanes, const GREY: bool> Span<'_, L, GREY> {
-    /// The colours of pixels j.
+    /// The colours of the pixels in columns j.
     #[inline(always)]
     fn colour(&self, j: L) -> [L; 3] {
         let light = self.light(j);
@@ -178,7 +179,8 @@ impl<L: Lanes, const GREY: bool> Span<'_, L, GREY> {
         [self.sphere.red, self.sphere.green, self.sphere.blue].each(|weight| light * L::all(weight))
     }
 
-    /// SPHERE_LIT of a packet with an end of the span in it: inside of one p is above 0.
+    /// SPHERE_LIT for a packet that contains an end of the span. Where the whole packet is within
+    /// the span, the discriminant p is above 0.
     #[inline(always)]
     pub fn light(&self, j: L) -> L {
         let LitSphere { h1, q1, kn, ke, .. } = *self.sphere;

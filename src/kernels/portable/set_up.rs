@@ -1,5 +1,5 @@
-//! Triangles: their bounds in the picture, and planes over a tile's pixels: asm/tracers/bounds.asm
-//! and set_up.asm.
+//! Triangles: their bounds in the picture, and planes over a tile's pixels. The twins of
+//! asm/tracers/bounds.asm and set_up.asm.
 
 use super::super::objects::{ObjectList, TriangleList};
 use super::super::records::{
@@ -9,16 +9,16 @@ use super::super::tiles::{CandidatesFound, Extremes, TriangleChunk, above};
 use super::super::types::Plain;
 use super::lanes::{Each, Lanes, Number, cross_unfused, dot, zip};
 
-/// A volume below this share of the sum of its terms is 0 but for rounding.
+/// A volume below this share of the sum of its terms may be 0 and differ from it by rounding alone.
 const PLANE: f64 = 4.0 * f64::EPSILON;
-/// What a product of two rounded sides loses of itself: three roundings of half of EPSILON each,
+/// The relative error of a product of two rounded sides: three roundings of half of EPSILON each,
 /// and a little for the products of these errors. `proofs/product-of-sides.g` proves it.
 pub const PRODUCT_ROUNDING: f64 = 1.5 * f64::EPSILON * (1.0 + 1.0 / (1u64 << 49) as f64);
-/// The projection of a corner nearer than this could overflow.
+/// A corner nearer than this could overflow when it is projected.
 const LEAST: f64 = 1e-30;
 
-/// The bounds of an object in each lane: the first column and one past the last, rows likewise, and
-/// the upper bound of 1/t.
+/// The bounds of one object in each lane: the first column and one past the last, the same for
+/// rows, and an upper bound of 1/t.
 pub struct Bounds<L> {
     pub columns: [L; 2],
     pub rows: [L; 2],
@@ -26,13 +26,14 @@ pub struct Bounds<L> {
 }
 
 impl<L: Lanes> Bounds<L> {
-    /// The number of pixels across and down: LENGTH.
+    /// The number of pixels of the bounds, across and down: LENGTH.
     #[inline(always)]
     pub fn lengths(&self) -> [L; 2] {
         [self.columns, self.rows].each(|[first, past]| past - first)
     }
 
-    /// Adds the candidates among the lanes, at most as many as `ids`, after the first `count`.
+    /// Stores those lanes that are candidates after the first `count` candidates. `ids` has the ids
+    /// of as many lanes as have objects.
     #[inline(always)]
     pub fn push(&self, ids: std::ops::Range<u32>, keep_all: bool, to: &mut [Candidate], count: &mut usize) {
         let [across, down] = self.lengths();
@@ -59,15 +60,15 @@ fn transpose(triangles: TriangleList<'_>, ids: impl Iterator<Item = usize>, to: 
     }
 }
 
-/// The corners of triangles from index `at` on.
+/// The corners of the triangles from the index `at` on.
 #[inline(always)]
 fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
     [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
-/// A mask of the lanes of which v . n loses eight times as much at the first corner as at another:
-/// BETTER_CORNER.
+/// A mask of the lanes in which v . n loses eight times as many digits at the first corner as at
+/// another: BETTER_CORNER.
 #[inline(always)]
 pub fn better_corner<L: Lanes>([a, b, c]: [[L; 3]; 3]) -> L {
     let square = |v: [L; 3]| dot(v, v);
@@ -91,7 +92,7 @@ pub fn bounds<L: Lanes<Number = f32>>(
     let mut sizes = [L::of(0.0), L::all(f32::MAX)];
     for start in (0..triangles.len()).step_by(CHUNK) {
         let end = triangles.len().min(start + CHUNK);
-        // The last packet is filled up with the last one.
+        // The last packet is filled up with copies of the last triangle.
         let past = end.next_multiple_of(L::COUNT);
         transpose(triangles, (start..past).map(|id| id.min(end - 1)), &mut of);
         for at in (0..past - start).step_by(L::COUNT) {
@@ -121,16 +122,18 @@ pub fn bounds<L: Lanes<Number = f32>>(
     CandidatesFound { count, extremes }
 }
 
-/// The bounds of triangles.
+/// The bounds of triangles as `bounds_of` finds them.
 pub struct FoundBounds<L> {
-    /// The upper bound of 1/t is the largest f32 for those that reach behind the camera.
+    /// The bounds. For triangles that extend behind the camera, the upper bound of 1/t is the
+    /// largest f32.
     pub bounds: Bounds<L>,
-    /// The upper bounds of those of which some is in front; 0 for the others.
+    /// The upper bound of 1/t of triangles of which some part is in front of the camera; 0 for the
+    /// others.
     pub most_in_front: L,
 }
 
-/// The bounds of triangles. If bounds hold at most four pixels, each outside some edge, they have
-/// no columns.
+/// Finds the bounds of triangles. Bounds that contain at most four pixels, each outside of some
+/// edge, become empty.
 #[inline(always)]
 pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3]; 3]) -> FoundBounds<L> {
     let (all, zero) = (L::all, L::of(0.0));
@@ -153,14 +156,14 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let (ahead, in_part) = (nearest.greater(L::of(LEAST)), farthest.greater(zero));
     let cannot_exceed = ahead.select(all(view.most) / nearest, L::all(f32::MAX));
 
-    // Edges at the first pixel within the bounds, and their increments for a column and a row.
+    // The edges at the first pixel within the bounds, and their increments per column and per row.
     let x = across.each(|x| x - (columns[0] - all(view.column)));
     let y = up.each(|y| y - (all(view.row) - rows[0]));
     let next = [(0, 1), (1, 2), (2, 0)];
     let mut edges = next.each(|(v, w)| x[v] * y[w] - y[v] * x[w]);
     let (column, row) = (next.each(|(v, w)| y[v] - y[w]), next.each(|(v, w)| x[v] - x[w]));
-    // The greatest over the pixels of the least edge, and the least of the greatest edge:
-    // EDGES_HERE.
+    // Over these pixels the greatest value of the least edge, and the least value of the greatest
+    // edge: EDGES_HERE.
     let (mut low, mut high) = (least(edges), most(edges));
     let there = |(low, high): (L, L), edges| (low.max(least(edges)), high.min(most(edges)));
     edges = zip(edges, column, |edge, more| edge + more);
@@ -182,8 +185,8 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     FoundBounds { bounds, most_in_front: in_part.and(cannot_exceed) }
 }
 
-/// A triangle's normal, its volume with the camera, and a mask of where that is not 0 but for
-/// rounding: TRIANGLE_VOLUME.
+/// A triangle's normal, the volume of its tetrahedron with the camera, and a mask of the lanes
+/// where that differs from 0 by more than rounding: TRIANGLE_VOLUME.
 pub struct Volume<W> {
     pub normal: [W; 3],
     pub volume: W,
@@ -191,7 +194,7 @@ pub struct Volume<W> {
 }
 
 impl<W: Lanes<Number = f64>> Volume<W> {
-    /// Of the corner v, and the differences of v and the two others.
+    /// The volume from a corner v and the differences of v and the two other corners.
     #[inline(always)]
     pub fn new(v: [W; 3], to_b: [W; 3], to_c: [W; 3]) -> Self {
         let products = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| [to_b[i] * to_c[j], to_b[j] * to_c[i]]);
@@ -205,7 +208,7 @@ impl<W: Lanes<Number = f64>> Volume<W> {
     }
 }
 
-/// The edge from v to w, divided by its rounding bound, with the sign of `side`: TRIANGLE_EDGE.
+/// The edge from v to w with the sign of `side`, divided by its rounding bound: TRIANGLE_EDGE.
 #[inline(always)]
 pub fn edge<W: Lanes<Number = f64>>(view: &TileView<f64>, v: [W; 3], w: [W; 3], side: W) -> [W; 3] {
     let all = W::all;
@@ -217,8 +220,8 @@ pub fn edge<W: Lanes<Number = f64>>(view: &TileView<f64>, v: [W; 3], w: [W; 3], 
     [at_origin * over, e[0] * all(view.step) * over, e[1] * all(view.down) * over]
 }
 
-/// Turns the corners of triangles from index `at` on, so that the first is one where the terms of
-/// v . n, with n of the sides at v, are small: they may cancel.
+/// Rotates the corners of the triangles from the index `at` on, so that at the first one the terms
+/// of v . n, with n from the two sides there, are small. Large terms may cancel.
 #[inline(always)]
 fn put_best_corner_first<W: Lanes<Number = f64>>(of: &mut TriangleArrays, at: usize) {
     let mut turned = better_corner(corners::<W>(of, at));
@@ -232,8 +235,8 @@ fn put_best_corner_first<W: Lanes<Number = f64>>(of: &mut TriangleArrays, at: us
     }
 }
 
-/// Stores 1/t as a plane: it is (n . d) / (n . v), affine over the pixels; 0, which is never
-/// nearest, if the triangle is never hit.
+/// Stores 1/t as a plane over the pixels: it is (n . d) / (n . v), which is affine. For a triangle
+/// that is never hit it is 0, which is never nearest.
 #[inline(always)]
 fn put_inverse<W: Lanes<Number = f64>, E: Element>(
     view: &TileView<f64>,
@@ -251,7 +254,7 @@ fn put_inverse<W: Lanes<Number = f64>, E: Element>(
 }
 
 /// Stores the effect of each light on triangles of these colours with a corner at `v`: |n . (l -
-/// v)| / |n|, and the weights. `scale` is that of 1/t, and the first `shades` are of the first
+/// v)| / |n|, and the weights. `scale` is the scale of 1/t. The first `shades` belong to the first
 /// lane.
 #[inline(always)]
 fn put_shades<W: Lanes<Number = f64>, E: Element>(
@@ -276,7 +279,7 @@ fn put_shades<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// Stores the edges divided by their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
+/// Stores the edges with the sign of the volume, divided by their rounding bounds: TRIANGLE_EDGE.
 #[inline(always)]
 fn put_edges<W: Lanes<Number = f64>, E: Element>(
     view: &TileView<f64>,
@@ -299,8 +302,7 @@ fn put_edges<W: Lanes<Number = f64>, E: Element>(
     ey.store(&mut planes.e3y[at..]);
 }
 
-/// Sets up a chunk of triangles as planes over a tile's pixels, and the effects of the lights on
-/// them.
+/// Sets up a chunk of triangles: as planes over a tile's pixels, with the effects of the lights.
 pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     view: &TileView<f64>,
     chunk: TriangleChunk<'_>,
@@ -309,7 +311,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     shades: &mut [TileShade<E>],
 ) {
     let TriangleChunk { triangles, lights, candidates, first_id } = chunk;
-    // The last packet is filled up with the first one.
+    // The last packet is filled up with copies of the first triangle.
     let past = candidates.len().next_multiple_of(W::COUNT);
     transpose(triangles, (0..past).map(|i| candidates.get(i).unwrap_or(&candidates[0]).id as usize), of);
     for (i, candidate) in candidates.iter().enumerate() {

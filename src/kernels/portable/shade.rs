@@ -1,4 +1,4 @@
-//! The pixels of a tile, each shaded once: asm/tracers/shade.asm.
+//! Shades each pixel of a tile once: asm/tracers/shade.asm.
 
 use super::super::records::{
     Element, LightPosition, ObjectLight, ShortLight, TILE_HEIGHT, TILE_WIDTH, Tile, TileRays, TileShade, TileSphere,
@@ -9,26 +9,27 @@ use super::lanes::{Each, Lanes, Number, dot, zip};
 use super::nearest::Blocks;
 use super::rows::Pixel;
 
-/// n / sqrt q, clamped to [0, 1]; NaN, such as 0 / 0, gives 0: COSINE.
+/// n / sqrt q, clamped to [0, 1]. A NaN, such as 0 / 0, becomes 0: COSINE.
 #[inline(always)]
 pub fn cosine<L: Lanes>(n: L, q: L) -> L {
     (n / q.sqrt()).max(L::of(0.0)).min(L::of(1.0))
 }
 
-/// The vector from the hit to a light, divided by t: l w - d.
+/// The vector from the hit to a light, divided by t: l w - d, where w is 1/t.
 #[inline(always)]
 fn to_light<L: Lanes>([x, y, z, _]: &LightPosition<L::Number>, w: L, d: [L; 3]) -> [L; 3] {
     zip([*x, *y, *z].each(L::all), d, |l, d| l.fms(w, d))
 }
 
-/// The cosine for n . (l - v): TRIANGLE_COSINE.
+/// The cosine at a triangle, where n is n . (l - v) / |n|: TRIANGLE_COSINE.
 #[inline(always)]
 pub fn triangle_cosine<L: Lanes>(n: L, w: L, ray: [L; 3], light: &LightPosition<L::Number>) -> L {
     let l = to_light(light, w, ray);
     cosine(n * w, dot(l, l))
 }
 
-/// n / t at a pixel from the sphere's own origin: SPHERE_ROOT and NORMAL_OVER_T.
+/// A sphere's normal divided by t, at a pixel relative to the sphere's own origin: SPHERE_ROOT and
+/// NORMAL_OVER_T.
 #[inline(always)]
 pub fn normal_over_t<L: Lanes>(sphere: &TileSphere<L::Number>, x: L, y: L) -> [L; 3] {
     let all = L::all;
@@ -46,7 +47,7 @@ pub fn normal_over_t<L: Lanes>(sphere: &TileSphere<L::Number>, x: L, y: L) -> [L
     })
 }
 
-/// SPHERE_COSINE.
+/// The cosine at a sphere, from its normal divided by t: SPHERE_COSINE.
 #[inline(always)]
 pub fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) -> L {
     let l = [light.x, light.y, light.z].each(L::all);
@@ -54,7 +55,7 @@ pub fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) 
     cosine(dot(l, m) - w, dot(to_light, to_light))
 }
 
-/// The normal of a sphere around the camera or beside it: AROUND_NORMAL.
+/// The normal of a sphere that contains the camera or is beside it: AROUND_NORMAL.
 #[inline(always)]
 pub fn around_normal<L: Lanes>(sphere: &TileSphere<L::Number>, w: L, ray: [L; 3]) -> [L; 3] {
     let t = L::of(1.0) / w;
@@ -62,14 +63,14 @@ pub fn around_normal<L: Lanes>(sphere: &TileSphere<L::Number>, w: L, ray: [L; 3]
     zip(ray, centre, |d, c| (d * t - c) * L::all(sphere.mx))
 }
 
-/// The cosine for a unit normal and a light at a point: AROUND_COSINE.
+/// The cosine for a unit normal and a light's position: AROUND_COSINE.
 #[inline(always)]
 pub fn around_cosine<L: Lanes>(n: [L; 3], w: L, ray: [L; 3], light: &LightPosition<L::Number>) -> L {
     let l = to_light(light, w, ray);
     cosine(dot(n, l), dot(l, l))
 }
 
-/// A block of pixels: 1/t and ids, their rays, and their places in the picture.
+/// A block of pixels: 1/t and ids, the pixels' rays, and their positions in the picture.
 struct Block<L> {
     w: L,
     who: L,
@@ -78,7 +79,8 @@ struct Block<L> {
 }
 
 impl<L: Lanes> Block<L> {
-    /// Adds the effect of all lights on triangles; `shade` gives that of one.
+    /// Adds the effect of all lights on triangles. `shade` gives the effect of the light at an
+    /// index.
     #[inline(always)]
     fn add_triangles(&self, lights: &[LightPosition<L::Number>], colour: &mut [L; 3], shade: impl Fn(usize) -> [L; 4]) {
         for (number, light) in lights.iter().enumerate() {
@@ -87,7 +89,7 @@ impl<L: Lanes> Block<L> {
         }
     }
 
-    /// Adds the effect of all lights on a sphere of the tile, in the lanes of the mask.
+    /// Adds the effect of all lights on one sphere of the tile, in the lanes of the mask.
     #[inline(always)]
     fn add_sphere<P: Pixel>(&self, id: usize, mask: L, records: &ShadingRecords<'_, L::Number>, colour: &mut [L; 3]) {
         let all = L::all;
@@ -116,13 +118,13 @@ impl<L: Lanes> Block<L> {
     }
 }
 
-/// Adds a cosine times weights.
+/// Adds the weights times a cosine.
 #[inline(always)]
 fn add<L: Lanes>(colour: &mut [L; 3], cosine: L, weights: [L; 3]) {
     *colour = zip(*colour, weights, |colour, weight| colour.fma(cosine, weight));
 }
 
-/// SHORT_COSINE.
+/// The cosine in the short form: SHORT_COSINE.
 #[inline(always)]
 pub fn short_cosine<L: Lanes>(lit: &ShortLight<L::Number>, w: L, [x, y]: [L; 2]) -> L {
     let q = L::all(lit.q0).fma(x, L::all(lit.qx)).fma(y, L::all(lit.qy));
@@ -130,7 +132,7 @@ pub fn short_cosine<L: Lanes>(lit: &ShortLight<L::Number>, w: L, [x, y]: [L; 2])
     cosine(q.fma(w, L::all(lit.kn)), e)
 }
 
-/// The colour of a block under all lights.
+/// The colours of a block's pixels under all lights.
 #[inline(always)]
 fn colour_of<L: Lanes, P: Pixel>(block: &Block<L>, records: &ShadingRecords<'_, L::Number>) -> [L; 3] {
     let all = L::all;
@@ -139,7 +141,7 @@ fn colour_of<L: Lanes, P: Pixel>(block: &Block<L>, records: &ShadingRecords<'_, 
     let shade = |id: L::Number, light: usize| &records.shades[id.to_index() as usize * lights + light];
     let owner = block.who.lane(0);
     if !block.who.mask(all(owner), PartialEq::ne).any() {
-        // Most blocks have one object.
+        // Most blocks show a single object.
         match owner.to_index() as usize {
             0 => {}
             id if id <= spheres => block.add_sphere::<P>(id, all(Number::mask(true)), records, &mut colour),
@@ -169,7 +171,7 @@ fn colour_of<L: Lanes, P: Pixel>(block: &Block<L>, records: &ShadingRecords<'_, 
     colour
 }
 
-/// Writes the pixels of the window of a tile.
+/// Writes the pixels of a window of a tile.
 pub fn shade<L: Lanes, P: Pixel>(
     rays: &TileRays<L::Number>,
     tile: &Tile<L::Number>,

@@ -1,6 +1,7 @@
-//! Shadows: the visible points of a tile, and which of them an object hides from a light.
+//! Shadows: the visible points of a tile, and which of them are hidden from a light by an object.
 //!
-//! The twins of asm/tracers/points.asm, seen.asm, cast.asm and casters.asm.
+//! The twins of the kernels in asm/tracers/points.asm, seen.asm, cast.asm, meet.asm and
+//! casters.asm.
 
 use std::ops::Range;
 
@@ -13,11 +14,11 @@ use super::super::shadows::{BLOCK, CasterBlock, CasterList, GROUPS, LitPoints, M
 use super::super::types::Plain;
 use super::lanes::{Each, Lanes, Number, dot, dot_unfused, zip};
 
-/// The roundings of the terms of a caster's edge, c counting twice, of half of EPSILON each: `rayo
-/// ops --proofs` counts them.
+/// How many roundings, of half of EPSILON each, the terms of a caster's edge go through; c counts
+/// twice. `rayo ops --proofs` counts them.
 pub const CASTER_ROUNDINGS: f64 = 16.0;
 
-/// The points of a tile, of which L is a block of pixels.
+/// Finds the visible points of a tile. L is a block of pixels.
 pub fn points<L: Lanes, W: Lanes<Number = f64>>(
     view: &PointView<f64>,
     who: &[L::Number; TILE_PIXELS],
@@ -55,8 +56,8 @@ pub fn points<L: Lanes, W: Lanes<Number = f64>>(
     }
 }
 
-/// Points, the sum of the magnitudes of their coordinates, and whose they are; and g, from them to
-/// a light.
+/// Points p, for each the sum of the magnitudes of its coordinates and the number of its object,
+/// and the vector g from p to a light.
 #[derive(Clone, Copy)]
 pub struct Asked<W> {
     pub p: [W; 3],
@@ -65,9 +66,9 @@ pub struct Asked<W> {
     pub g: [W; 3],
 }
 
-/// An object that may hide a light.
+/// An object that may hide a light from points.
 pub trait Hides: Plain {
-    /// Which of the points, a mask, it hides.
+    /// A mask of the points that the object hides.
     fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W;
 }
 
@@ -85,7 +86,7 @@ impl Hides for SphereCaster<f64> {
     }
 }
 
-/// TRIANGLE_HIDES.
+/// A mask of the points that a triangle hides: TRIANGLE_HIDES.
 #[inline(always)]
 pub fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked { p, size, own, .. }: &Asked<W>) -> W {
     let all = W::all;
@@ -98,7 +99,7 @@ pub fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked {
     inside.and(W::of(0.0).greater(behind)).and(unequal(own, all(of.own)))
 }
 
-/// SPHERE_HIDES.
+/// A mask of the points that a sphere hides: SPHERE_HIDES.
 #[inline(always)]
 pub fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Asked { p, size, own, g }: &Asked<W>) -> W {
     let (all, zero) = (W::all, W::of(0.0));
@@ -125,7 +126,8 @@ fn unequal<L: Lanes>(a: L, b: L) -> L {
     a.equal(b).select(L::of(0.0), L::all(Number::mask(true)))
 }
 
-/// The bounds of each group of points on a side.
+/// Finds where a light sees the points of a tile through a side of its cube, and the bounds of each
+/// group there.
 pub fn seen<W: Lanes<Number = f64>>(
     view: &LightSideView<f64>,
     axes: [&[f64; TILE_PIXELS]; 3],
@@ -160,31 +162,32 @@ pub fn seen<W: Lanes<Number = f64>>(
     }
 }
 
-/// The least and the greatest of three.
+/// The minimum and the maximum of three numbers.
 #[inline(always)]
 pub fn least_and_most<W: Lanes>([a, b, c]: [W; 3]) -> [W; 2] {
     [a.min(b).min(c), a.max(b).max(c)]
 }
 
-/// Triangles as a light sees them.
+/// Triangles as a light sees them through a side of its cube.
 struct SeenTriangles<W> {
-    /// The corners in cells, and their depths.
+    /// The corners: x and y in cells, and the depth.
     corners: [[W; 3]; 3],
-    /// The ends of the bounds, with slack; the lower ones negated.
+    /// The ends of the bounds, widened by the slack. The lower ends are negated.
     x: W,
     y: W,
     past_x: W,
     past_y: W,
     /// The depth of the nearest corner, negated.
     depth: W,
-    /// A mask of those in front of the light.
+    /// A mask of the triangles that are in front of the light with all corners.
     is_before: W,
-    /// A bound on the rounding of the edges.
+    /// A bound on the rounding errors of the edges.
     rounded: W,
 }
 
 impl<W: Lanes<Number = f64>> SeenTriangles<W> {
-    /// Of these corners relative to the light, in the axes of the side: BOUNDS_OF_CASTERS.
+    /// Makes them from corners that are relative to the light, in the axes of the side:
+    /// BOUNDS_OF_CASTERS.
     #[inline(always)]
     fn new(view: &LightSideView<f64>, corners: [[W; 3]; 3]) -> Self {
         let (all, zero, one, infinity) = (W::all, W::of(0.0), W::of(1.0), W::of(f64::INFINITY));
@@ -210,8 +213,8 @@ impl<W: Lanes<Number = f64>> SeenTriangles<W> {
         SeenTriangles { corners, x, y, past_x, past_y, depth, is_before, rounded }
     }
 
-    /// Three edges, or where those would lose too many digits three sides of the bounds:
-    /// EDGES_OF_CASTERS.
+    /// The three edges. Where these would lose too many digits, three ends of the bounds take their
+    /// place: EDGES_OF_CASTERS.
     #[inline(always)]
     fn edges(&self) -> [[W; 3]; 3] {
         let (zero, one) = (W::of(0.0), W::of(1.0));
@@ -233,7 +236,7 @@ impl<W: Lanes<Number = f64>> SeenTriangles<W> {
     }
 }
 
-/// Rounds numbers to f32, and stores their bits from an index on.
+/// Rounds numbers to f32, and stores their bits from the index `at` on.
 #[inline(always)]
 fn store_rounded<W: Lanes<Number = f64>>(of: W, field: &mut [u32; BLOCK], at: usize) {
     for i in 0..W::COUNT {
@@ -241,7 +244,7 @@ fn store_rounded<W: Lanes<Number = f64>>(of: W, field: &mut [u32; BLOCK], at: us
     }
 }
 
-/// How a light sees triangles, in the axes of the side.
+/// Finds where a light sees triangles, in the axes of the side.
 pub fn cast<W: Lanes<Number = f64>>(
     view: &LightSideView<f64>,
     axes: [usize; 3],
@@ -274,14 +277,14 @@ pub fn cast<W: Lanes<Number = f64>>(
     }
 }
 
-/// The edge of a caster, c + a x + b y, at a place that a light sees: EDGE_OF_CASTER.
+/// The edge function c + a x + b y of a caster, at a position that a light sees: EDGE_OF_CASTER.
 #[inline(always)]
 pub fn caster_edge<L: Lanes>([a, b, c]: [L; 3], x: L, y: L) -> L {
     c.fma(x, a).fma(y, b)
 }
 
-/// Which of the places x and y in cells are within the edges of a triangle of a block:
-/// WITHIN_EDGES.
+/// A mask of the positions x and y, in cells, that are within the edges of the triangle at the
+/// index `i` of a block: WITHIN_EDGES.
 #[inline(always)]
 fn within_edges<L: Lanes<Number = f32>>([x, y]: [L; 2], edges: &CasterEdges, i: usize) -> L {
     let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
@@ -292,8 +295,8 @@ fn within_edges<L: Lanes<Number = f32>>([x, y]: [L; 2], edges: &CasterEdges, i: 
     first.min(second).min(third).not_less(L::of(0.0))
 }
 
-/// Which of the places x and y in cells are within the bounds of an object of a block:
-/// WITHIN_BOUNDS.
+/// A mask of the positions x and y, in cells, that are within the bounds of the object at the index
+/// `i` of a block: WITHIN_BOUNDS.
 #[inline(always)]
 fn within_bounds<L: Lanes<Number = f32>>([x, y]: [L; 2], bounds: &CasterBounds, i: usize) -> L {
     let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
@@ -328,7 +331,7 @@ pub fn meet<L: Lanes<Number = f32>>(
     });
 }
 
-/// Leaves open those of the open points of groups that no object hides from the light.
+/// Closes the open points of groups that an object hides from the light.
 pub fn open<W: Lanes<Number = f64>, C: Hides>(
     &LitPoints { points, light }: &LitPoints<'_>,
     objects: &[C],

@@ -1,6 +1,7 @@
-//! Spheres: their bounds in the picture, as functions of its pixels, and their shading records.
+//! Spheres: their bounds in the picture, functions of its pixels that they are set up as, and
+//! shading records.
 //!
-//! The twins of asm/tracers/sphere_bounds.asm, sphere_set_up.asm and around.asm.
+//! The twins of the kernels in asm/tracers/sphere_bounds.asm, sphere_set_up.asm and around.asm.
 
 use super::super::records::{
     AroundSphere, CHUNK, Candidate, Element, ObjectLight, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
@@ -11,16 +12,17 @@ use super::super::types::Plain;
 use super::lanes::{Each, Lanes, Number, cross_unfused, dot_unfused, zip};
 use super::set_up::Bounds;
 
-/// A sphere is in front if its centre is at least this many radii in front of the camera's plane.
+/// A sphere counts as in front if its centre is at least this many radii in front of the camera's
+/// plane.
 const FRONT: f64 = 1.001;
-/// Pixels by which the bounds of a sphere are widened.
+/// By how many pixels the bounds of a sphere are widened.
 pub const OUTLINE: f64 = 1e-3;
-/// The rounding error of D, in units of its terms.
+/// A bound on the rounding error of the discriminant D, relative to its terms.
 pub const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
-/// The f64 below 1/2.
+/// The largest f64 below 1/2.
 const BELOW_HALF: f64 = 0.5 - f64::EPSILON / 4.0;
 /// The short form is accurate enough if the light's distance from the sphere, in radii, is between
-/// the first two, and cancellation leaves no less than one part in the third of the terms.
+/// the first two numbers, and if cancellation leaves at least 1 / the third number of the terms.
 const SHORT: [f64; 3] = [0.25, (1u64 << 36) as f64, 1024.0];
 
 fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArrays) {
@@ -32,13 +34,13 @@ fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArray
     }
 }
 
-/// A packet of spheres.
+/// The centres and radii of a packet of spheres.
 struct CentresAndRadii<W> {
     centre: [W; 3],
     radius: W,
 }
 
-/// Centres and radii of spheres from index `at` on.
+/// The centres and radii of the spheres from the index `at` on.
 #[inline(always)]
 fn centres_and_radii<W: Lanes>(of: &SphereArrays, at: usize) -> CentresAndRadii<W> {
     CentresAndRadii {
@@ -47,7 +49,7 @@ fn centres_and_radii<W: Lanes>(of: &SphereArrays, at: usize) -> CentresAndRadii<
     }
 }
 
-/// The ends of silhouettes along one axis at distance 1: SILHOUETTE.
+/// The ends of silhouettes along one axis, on the film at distance 1: SILHOUETTE.
 #[inline(always)]
 pub fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
     let one = W::of(1.0);
@@ -55,12 +57,12 @@ pub fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
     let b = cx * cz;
     let is_right = b.not_less(W::of(0.0));
     let q = is_right.select(b + root, b - root);
-    // The product of the two is (cx^2 - 1) / m.
+    // The product of the two ends is (cx^2 - 1) / m.
     let (e, of_q) = ((cx - one) * (cx + one) / q, q / m);
     [is_right.select(e, of_q), is_right.select(of_q, e)]
 }
 
-/// The columns and rows between which silhouettes lie, as fractions of pixels: SPHERE_BOX.
+/// The columns and rows between which silhouettes lie, in fractions of pixels: SPHERE_BOX.
 #[inline(always)]
 pub fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3]) -> [[W; 2]; 2] {
     let (all, half) = (W::all, W::of(0.5));
@@ -88,7 +90,7 @@ pub fn bounds<W: Lanes<Number = f64>>(
             extremes.least = f32::from_bits(extremes.least.to_bits().min(radius.to_bits()));
             extremes.brightest = colour.to_array().into_iter().fold(extremes.brightest, above);
         }
-        // The last packet is filled up with the last one.
+        // The last packet is filled up with copies of the last sphere.
         let past = chunk.len().next_multiple_of(W::COUNT);
         transpose((0..past).map(|i| chunk.get(i).unwrap_or(&chunk[chunk.len() - 1])), &mut of);
         for at in (0..past).step_by(W::COUNT) {
@@ -103,28 +105,31 @@ pub fn bounds<W: Lanes<Number = f64>>(
     CandidatesFound { count, extremes }
 }
 
-/// The first pixel and one past the last between two coordinates: PIXELS_BETWEEN.
+/// The first pixel between two coordinates, and one past the last: PIXELS_BETWEEN.
 #[inline(always)]
 pub fn pixels_between<W: Lanes<Number = f64>>([low, high]: [W; 2], side: f64) -> [W; 2] {
     let (first, past) = ((low - W::of(OUTLINE)).ceil(), (high + W::of(OUTLINE)).floor() + W::of(1.0));
     [first, past].each(|x| x.max(W::of(0.0)).min(W::all(side)))
 }
 
-/// The middle, rounded half away from 0, within the picture: NEAREST_PIXEL.
+/// The pixel at the middle of two coordinates, rounded half away from 0, within the picture:
+/// NEAREST_PIXEL.
 #[inline(always)]
 pub fn nearest_pixel<W: Lanes<Number = f64>>([a, b]: [W; 2], side: W) -> W {
     let middle = (a + b) * W::of(0.5);
     (middle.abs() + W::of(BELOW_HALF)).floor().with_sign_of(middle).min(side).max(W::of(0.0))
 }
 
-/// The outline's greatest distance from the origin within the picture, and one pixel: REACH.
+/// The greatest distance from the origin of the part of the outline that is in the picture, plus
+/// one pixel: REACH.
 #[inline(always)]
 pub fn reach<W: Lanes<Number = f64>>([a, b]: [W; 2], origin: W, side: W) -> W {
     (b.min(side) - origin).max(origin - a.max(W::of(0.0))) + W::of(1.0)
 }
 
-/// The bounds of spheres. The upper bound of 1/t is `most` over the distance of the nearest point,
-/// or the largest f32 if planes cannot trace the sphere, or may lose digits to the side.
+/// Finds the bounds of spheres. The upper bound of 1/t is `most` divided by the distance of the
+/// nearest point. It is the largest f32 if planes cannot trace the sphere, or if they may lose
+/// digits because it is far to the side.
 #[inline(always)]
 pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Bounds<W> {
     let (all, one) = (W::all, W::of(1.0));
@@ -144,22 +149,23 @@ pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3],
     }
 }
 
-/// The shared set-up of spheres in front: SPHERE_D.
+/// What bounds and shading records both need of spheres in front of the camera: SPHERE_D.
 struct InFront<W> {
     /// The centre, in radii.
     c: [W; 3],
-    /// c . c and c . c - 1.
+    /// c . c; `k` is c . c - 1.
     squared: W,
     k: W,
-    /// The scale divided by k and the radius.
+    /// The scale divided by k and by the radius.
     over: W,
-    /// Its origin, a pixel, and the outline's greatest distance from it.
+    /// The sphere's own origin, which is a pixel; `reach` is the greatest distance of its outline
+    /// from there.
     origin: [W; 2],
     reach: [W; 2],
-    /// The ray there; c . d, and its increments for a column and a row.
+    /// The ray at the origin; `h` is c . d there, and its increments per column and per row.
     ray: [W; 3],
     h: [W; 3],
-    /// D: its value, and its coefficients of x, y, x^2, x y and y^2.
+    /// The discriminant D: its value at the origin, and its coefficients of x, y, x^2, x y and y^2.
     d: [W; 6],
 }
 
@@ -196,8 +202,8 @@ impl<W: Lanes<Number = f64>> InFront<W> {
     }
 }
 
-/// Transposes the spheres of a chunk and their bounds, up to a whole packet; returns how many those
-/// are.
+/// Transposes the spheres of a chunk and their bounds, up to a whole number of packets, and returns
+/// how many spheres these have.
 fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mut SphereArrays) -> usize {
     let past = candidates.len().next_multiple_of(W::COUNT);
     transpose((0..past).map(|i| &spheres[candidates.get(i).unwrap_or(&candidates[0]).id as usize]), of);
@@ -207,7 +213,7 @@ fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mu
     past
 }
 
-/// Sets up a chunk of spheres as functions of the pixels from their own origins.
+/// Sets up a chunk of spheres as functions of the pixels, each relative to the sphere's own origin.
 pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     view: &SphereView<f64>,
     spheres: SphereChunk<'_>,
@@ -241,7 +247,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// A packet of spheres in front, whose shading records are made.
+/// A packet of spheres in front of the camera whose shading records are made.
 struct ShadedPacket<'a, W> {
     view: &'a SphereView<f64>,
     lights: &'a [TileLight<f64>],
@@ -251,9 +257,9 @@ struct ShadedPacket<'a, W> {
     colour: [W; 3],
     /// The scale divided by the radius.
     per: W,
-    /// The greatest weight; infinity if weights are not clamped.
+    /// The greatest weight that is stored; infinity if weights are not clamped.
     most_weight: f64,
-    /// The index of the first sphere's record, and how many of the packet have one.
+    /// The index of the first sphere's record; `lanes` is how many spheres of the packet have one.
     first: usize,
     lanes: usize,
 }
@@ -265,7 +271,7 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         zip([light.x, light.y, light.z].each(W::all), self.centre, |l, c| (l - c) / self.radius)
     }
 
-    /// The weight of a light in each channel, where full light is `white`.
+    /// The weights of a light in each channel, where white is `white`.
     #[inline(always)]
     fn weights(&self, light: &TileLight<f64>, white: f64) -> [W; 3] {
         let radiance = [light.red, light.green, light.blue].each(W::all);
@@ -280,8 +286,8 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         (self.first + lane) * self.lights.len() + light
     }
 
-    /// Makes the records of the short form, and returns a mask of the spheres for which it is
-    /// accurate enough: that depends on how far the terms of kn and ke cancel.
+    /// Makes the records of the short form. Returns a mask of the spheres for which that form is
+    /// accurate enough, which depends on how far the terms of kn and ke cancel.
     #[inline(always)]
     fn put_shorts<E: Element>(&self, records: &mut SphereRecords<E>) -> W {
         let (all, one) = (W::all, W::of(1.0));
@@ -310,7 +316,7 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         accurate
     }
 
-    /// Makes the records of the long form, from the light relative to the centre.
+    /// Makes the records of the long form, from the position of each light relative to the centre.
     #[inline(always)]
     fn put_longs<E: Element>(&self, records: &mut SphereRecords<E>) {
         let far = W::all(self.view.far);
@@ -329,8 +335,8 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         }
     }
 
-    /// The first part of n / t = (d - h c / k) - sqrt(D) c / k over the radius, and its increments
-    /// for a column and a row: NORMAL.
+    /// The first part of the normal divided by t, n / t = (d - h c / k) - sqrt(D) c / k over the
+    /// radius, and its increments per column and per row: NORMAL.
     #[inline(always)]
     fn normals(&self) -> [[W; 3]; 3] {
         let InFront { c, k, ray, h, .. } = self.in_front;
@@ -343,7 +349,7 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         [normal(0, step, zero), normal(1, zero, step), normal(2, zero, zero)]
     }
 
-    /// Makes the records of the spheres; those in the mask `accurate` have the short form.
+    /// Makes the records of the spheres. Those in the mask `accurate` have the short form.
     #[inline(always)]
     fn put_spheres<E: Element>(&self, accurate: W, records: &mut SphereRecords<E>) {
         let InFront { c, d, origin, .. } = self.in_front;
@@ -383,8 +389,8 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
     }
 }
 
-/// Makes the shading records of a chunk of spheres, from index `first` on; if `short`, in the short
-/// form, too.
+/// Makes the shading records of a chunk of spheres, from the index `first` on. If `short`, they
+/// have the short form where that is accurate enough.
 pub fn shading<W: Lanes<Number = f64>, E: Element>(
     view: &SphereView<f64>,
     spheres: SphereChunk<'_>,
@@ -395,7 +401,7 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
 ) {
     let mut of = SphereArrays::ZERO;
     // A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but 0 times its weight
-    // is added beside it.
+    // is added to its neighbours in the packet, and 0 times infinity would be NaN.
     let most_weight = if size_of::<E>() == size_of::<f32>() { f32::MAX.into() } else { f64::INFINITY };
     for at in (0..chunk::<W>(spheres, &mut of)).step_by(W::COUNT) {
         let CentresAndRadii { centre, radius } = centres_and_radii::<W>(&of, at);
@@ -419,8 +425,8 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// The scaled 1/t of the nearest wall of a sphere around the camera or beside it, at pixels; 0 if
-/// the ray misses it.
+/// The scaled 1/t, at some pixels, of the nearest wall of a sphere that contains the camera or is
+/// beside it; 0 if the ray misses the sphere.
 #[inline(always)]
 pub fn around<W: Lanes<Number = f64>>(sphere: &AroundSphere<f64>, column: W, row: W) -> W {
     let AroundSphere { step, half_width, half_height, square, cx, cy, cz, .. } = *sphere;

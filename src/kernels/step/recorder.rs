@@ -1,5 +1,5 @@
-//! The recorder in the trap handler: registers from a signal's context, and memory before and after
-//! an access.
+//! The recorder in the trap handler. It reads registers from a signal's context, and memory before
+//! and after an access.
 
 use std::arch::x86_64::__cpuid_count;
 use std::ops::Range;
@@ -12,41 +12,42 @@ use super::imp::TRAP_FLAG;
 use super::recording::{MemoryOperand, Moment, Recording, State, Touched, Visit, VisitRecord, WORD, memory_operand};
 use super::{Unavailable, room};
 
-/// The components of the extended state beyond SSE, by their numbers in XCR0.
+/// The numbers in XCR0 of the components of the extended state that follow SSE's.
 const UPPER_YMM: u32 = 2;
 const MASKS: u32 = 5;
 const UPPER_ZMM: u32 = 6;
 const HIGH_ZMM: u32 = 7;
 
-/// The offset of a component in the state that XSAVE wrote, by CPUID, leaf 0DH.
+/// The offset of a component in the state that XSAVE writes, from CPUID leaf 0DH.
 fn offset_of(component: u32) -> usize {
     __cpuid_count(0xd, component).ebx as usize
 }
 
-/// Records what happens in some ranges of addresses.
+/// Records instructions in some ranges of addresses.
 pub struct Recorder {
     watched: Vec<Range<usize>>,
-    /// The number of instructions executed there.
+    /// The number of instructions executed in these ranges.
     executed: u64,
     keeps: Keeps,
 }
 
-/// With memory for everything recorded: the handler does not allocate.
+/// What is kept. Memory for it is reserved, since the handler cannot allocate.
 enum Keeps {
-    /// All of them, but only that they were executed.
+    /// Only that an instruction was executed.
     Visits(Vec<Visit>),
-    /// The registers too.
+    /// The registers as well.
     Moments(Moments),
 }
 
 struct Moments {
-    /// By their numbers, in ascending order.
+    /// The numbers of the instructions to record, in ascending order.
     wanted: Vec<Range<u64>>,
     most: usize,
     kept: Vec<Moment>,
-    /// The instruction being executed, if it is wanted: its memory has to be read again.
+    /// The instruction that is being executed, if it is wanted: the memory that it accesses has to
+    /// be read again afterwards.
     running: Option<Instruction>,
-    /// Offsets of [`UPPER_YMM`], [`MASKS`], [`UPPER_ZMM`] and [`HIGH_ZMM`].
+    /// The offsets of [`UPPER_YMM`], [`MASKS`], [`UPPER_ZMM`] and [`HIGH_ZMM`].
     offsets: [usize; 4],
 }
 
@@ -59,7 +60,7 @@ impl Recorder {
         let keeps = Keeps::Moments(Moments {
             wanted: wanted.into(),
             most,
-            // The moment after the last of each run of them is kept too.
+            // The state after the last instruction of each consecutive run is kept too.
             kept: room(most.saturating_add(1))?,
             running: None,
             offsets: [UPPER_YMM, MASKS, UPPER_ZMM, HIGH_ZMM].map(offset_of),
@@ -85,11 +86,11 @@ impl Recorder {
         Recording { moments, executed: self.executed, crashed: None }
     }
 
-    /// Called before each instruction, with the context that it interrupted. Returns whether the
+    /// Called before each instruction, with the context that was interrupted. Returns whether the
     /// record is full.
     ///
     /// # Safety
-    /// The context is that of a trap after an instruction, and its next instruction is about to be
+    /// The context is that of a trap after an instruction, and the next instruction is about to be
     /// executed.
     pub unsafe fn trap(&mut self, context: &libc::ucontext_t) -> bool {
         let rip = context.uc_mcontext.gregs[libc::REG_RIP as usize] as usize;
@@ -99,8 +100,8 @@ impl Recorder {
         let mut code = [0; 16];
         if let Some(range) = range {
             let length = code.len().min(range.end - rip);
-            // SAFETY: code from here to the end of the range, which is mapped and which nobody
-            // writes.
+            // SAFETY: the bytes from here to the end of the range are code, which is mapped and
+            // never written.
             unsafe { ptr::copy_nonoverlapping(rip as *const u8, code.as_mut_ptr(), length) };
         }
         match &mut self.keeps {
@@ -114,7 +115,7 @@ impl Recorder {
                     visits.push(Visit { rip: rip as u64, address, bytes: bytes as u8 });
                 }
             }
-            // SAFETY: by the contract of this function.
+            // SAFETY: the caller keeps the contract of this function.
             Keeps::Moments(moments) => unsafe { moments.trap(context, number, code) },
         }
         false
@@ -126,10 +127,10 @@ fn decoded(code: &[u8], rip: usize) -> Instruction {
 }
 
 impl Moments {
-    /// As [`Recorder::trap`], for an instruction with that number, if it is watched.
+    /// As [`Recorder::trap`], for an instruction that has this number if it is watched.
     ///
     /// # Safety
-    /// As there.
+    /// That of [`Recorder::trap`].
     unsafe fn trap(&mut self, context: &libc::ucontext_t, number: Option<u64>, code: [u8; 16]) {
         let number = number.filter(|number| self.wanted.iter().any(|range| range.contains(number)));
         let ran = self.running.take();
@@ -142,7 +143,7 @@ impl Moments {
         if self.kept.len() > self.most {
             return;
         }
-        // SAFETY: by the contract of this function.
+        // SAFETY: the caller keeps the contract of this function.
         let state = unsafe { self.state(context) };
         let mut touched = None;
         if number.is_some() && self.kept.len() < self.most {
@@ -157,19 +158,20 @@ impl Moments {
         self.kept.push(Moment { state, number: number.filter(|_| self.running.is_some()), code, touched });
     }
 
-    /// The registers of a context.
+    /// The registers in a context.
     ///
     /// # Safety
-    /// The context is that of a signal: its pointer leads to the floating-point state that the
+    /// The context is that of a signal, whose pointer leads to the floating-point state that the
     /// operating system saved.
     unsafe fn state(&self, context: &libc::ucontext_t) -> State {
-        /// Offsets in what FXSAVE writes, and the operating system's mark in the unused bytes that
-        /// the extended state follows.
+        /// Offsets in the area that FXSAVE writes, and the mark that the operating system puts into
+        /// its unused bytes if the extended state follows.
         const MXCSR: usize = 24;
         const XMM: usize = 160;
         const MARK: usize = 464;
         const IS_EXTENDED: u32 = 0x4650_5853;
-        /// In the header that follows: which components are present; the others are 0.
+        /// In the header that follows, the offset of the bits that say which components are
+        /// present. Absent components are 0.
         const PRESENT: usize = 512;
 
         let registers = &context.uc_mcontext.gregs;
@@ -183,8 +185,9 @@ impl Moments {
         };
         let saved = context.uc_mcontext.fpregs.cast::<u8>().cast_const();
         let [upper_ymm, masks, upper_zmm, high_zmm] = self.offsets;
-        // SAFETY: the legacy area is always there, the extended one where it is marked, and each
-        // component at its offset in the standard form, which signals use, if the header says so.
+        // SAFETY: the legacy area is always there, the extended one if it is marked, and each
+        // component at its offset in the standard form, which signals use, if the header says that
+        // it is present.
         unsafe {
             state.mxcsr = saved.add(MXCSR).cast::<u32>().read_unaligned();
             let copy =
@@ -221,12 +224,13 @@ impl Moments {
     }
 }
 
-/// Copies an instruction's memory at `address`; elements that its mask excludes stay 0, as do those
-/// that are not there to be read, at which the instruction faults. No kernel compresses to memory.
+/// Copies the memory that an instruction accesses at `address`. Elements that its mask excludes
+/// stay 0, and so do those that cannot be read, at which the instruction will fault. No kernel
+/// compresses to memory.
 fn touch(instruction: &Instruction, state: &State, address: u64, to: &mut [u8; 64]) {
     let size = instruction.memory_size();
     if size.size() == 0 {
-        // A word of the stack: the operand is implicit.
+        // The operand is implicit: a word of the stack.
         return read_memory(address, &mut to[..WORD]);
     }
     let bytes = size.size().min(64);
@@ -241,17 +245,16 @@ fn touch(instruction: &Instruction, state: &State, address: u64, to: &mut [u8; 6
     }
 }
 
-/// Copies memory that an instruction accesses, or nothing where it is not there, at which the
-/// instruction faults.
+/// Copies memory that an instruction accesses, or nothing where it cannot be read, at which the
+/// instruction will fault.
 fn read_memory(address: u64, to: &mut [u8]) {
     let local = libc::iovec { iov_base: to.as_mut_ptr().cast(), iov_len: to.len() };
     let remote = libc::iovec { iov_base: address as *mut libc::c_void, iov_len: to.len() };
-    // SAFETY: the system call writes to `to` alone, and answers with an error where there is
-    // nothing to read.
+    // SAFETY: the system call only writes to `to`, and returns an error where nothing can be read.
     let read = unsafe { libc::process_vm_readv(libc::getpid(), &local, 1, &remote, 1, 0) };
-    // Some sandboxes forbid the call.
+    // Some sandboxes forbid this system call.
     if read < 0 && std::io::Error::last_os_error().raw_os_error() != Some(libc::EFAULT) {
-        // SAFETY: who may not read here, faults here as there.
+        // SAFETY: if the process may not read here, it faults here as it would at the instruction.
         unsafe { ptr::copy_nonoverlapping(address as *const u8, to.as_mut_ptr(), to.len()) };
     }
 }
