@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Stops planning and tracing that is under way in another thread. Planning gets it, or a clone of
-/// it, as [`Purpose::cancel`](crate::Purpose::cancel), and tracing by
+/// Stops planning and tracing that is under way in another thread. It, or a clone of it, is given
+/// to planning as [`Purpose::cancel`](crate::Purpose::cancel), and to tracing by
 /// [`Frame::stopped_by`](crate::Frame::stopped_by).
 ///
 /// ```
@@ -22,12 +22,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct Cancel(Arc<AtomicBool>);
 
 impl Cancel {
-    /// Stops all planning and tracing that has this or a clone of it, now or later.
+    /// Stops all planning and tracing that was given this flag or a clone of it, now or later.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether [`cancel`](Self::cancel) was called, on this or on a clone.
+    /// Whether [`cancel`](Self::cancel) was called on this flag or on a clone.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

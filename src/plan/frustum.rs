@@ -1,4 +1,4 @@
-//! Why an object has no pixel.
+//! The reasons why an object covers no pixel.
 
 use glam::DVec3;
 
@@ -6,10 +6,11 @@ use super::omission::Omission;
 use crate::reference::geometry;
 use crate::scene::{Grid, Sphere, Triangle};
 
-/// A pyramid of rays, which tells why an object has no pixel among them.
+/// A pyramid of rays, and the reasons why an object covers none of their pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
-    /// Unit normals, outwards, of the planes through the camera and the picture's four sides.
+    /// The unit normals of the planes through the camera and the picture's four sides, pointing
+    /// outwards.
     sides: [DVec3; 4],
 }
 
@@ -19,8 +20,7 @@ impl Frustum {
         Frustum::between([-half_width, half_width], [-half_height, half_height], focal)
     }
 
-    /// The frustum of the rays from one x to another and from one y to another, at the focal
-    /// distance.
+    /// The frustum of the rays whose x and y, at the focal distance, are in these ranges.
     pub fn between([left, right]: [f64; 2], [low, high]: [f64; 2], focal: f64) -> Self {
         let sides = [
             DVec3::new(focal, 0.0, -right),
@@ -58,7 +58,7 @@ impl Frustum {
     }
 }
 
-/// Why a triangle that has pixels in its bounds is never hit, if that is so.
+/// Why no ray hits a triangle whose bounds contain pixels; None if a ray may hit it.
 pub(super) fn never_hit(triangle: &Triangle) -> Option<Omission> {
     let corners = triangle.vertices.map(|v| v.as_dvec3());
     match geometry::triangle_volume(corners) {

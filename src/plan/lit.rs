@@ -1,5 +1,5 @@
-//! One sphere under one light, the paper's own scene: its light in closed form, and the constants
-//! of its rows.
+//! The closed form of one sphere under one light, the paper's own scene: its light, and the
+//! constants of its rows.
 
 use glam::DVec3;
 
@@ -11,25 +11,26 @@ use crate::kernels::{Element, LitSetup, LitSphere};
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Light, Scene, Sphere};
 
-/// The most by which the form may amplify the errors of its operations, see SPHERE_LIT. Estimates,
-/// which are right to 1.5 2^-12, then still cost at most three quarters of a level.
+/// The largest factor by which the closed form may amplify the errors of its operations; see
+/// SPHERE_LIT. Estimated roots, which have an error of 1.5 2^-12, then cost at most three quarters
+/// of a level.
 const LOSS: f64 = 32.0;
 
-/// Elements count columns exactly up to this number.
+/// The element types count columns exactly up to this number.
 const WIDTH: u32 = 1 << 24;
 
-/// The most columns of half a silhouette. p, which is 0 at its ends, is then far above its rounding
-/// one column inside.
+/// The largest number of columns of half a silhouette. One column inside of the silhouette's end,
+/// where the discriminant p is 0, p is then far above its rounding error.
 const COLUMNS: f64 = 1048576.0;
 
-/// A sphere whose |c|^2 - 1, in radii, is below this is less than sqrt 2 radii away.
+/// The bound of k = |c|^2 - 1, in radii, below which a sphere is less than sqrt 2 radii away.
 const NEAR: f64 = 1.0;
 
-/// The form multiplies three lengths and the square of the weight. If each is below this, f32 holds
-/// the product.
+/// The closed form multiplies three lengths and the square of the weight. If each of these is below
+/// this bound, f32 can hold the product.
 const CUBED: f64 = (1u64 << 36) as f64;
 
-/// The value of full light in the output.
+/// The value of white in the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// 1, for floats.
@@ -50,20 +51,21 @@ impl Scale {
     }
 }
 
-/// A sphere and a light as the camera sees them, in radii.
+/// A sphere and a light relative to the camera, in radii of the sphere.
 struct LitView {
-    /// The centre, and its distance.
+    /// The centre c; `far` is its distance.
     c: DVec3,
     far: f64,
     /// |c|^2 - 1.
     k: f64,
-    /// The vector from the centre to the light, and its length.
+    /// The vector from the centre to the light; `distance` is its length.
     towards: DVec3,
     distance: f64,
-    /// The terms of the cosine and of the distance from the light.
+    /// The coefficients of the cosine's numerator and of the distance from the light; see
+    /// SPHERE_LIT.
     kn: f64,
     ke: f64,
-    /// k w + kn c, which is smaller than its terms by a factor of the length of c.
+    /// k w + kn c, where w is `towards`. It is smaller than its two terms by a factor of |c|.
     v: DVec3,
     /// c.y^2 + c.z^2 - 1.
     m: f64,
@@ -92,17 +94,17 @@ impl LitView {
         }
     }
 
-    /// Whether the form is accurate enough, and its numbers within the range of `E`, for lights of
-    /// these gains in each scale.
+    /// Whether the form is accurate enough and its numbers are within the range of `E`, if `gain`
+    /// is the weight of the light in each scale.
     fn holds<E: Element>(&self, grid: &Grid<f64>, gain: [f64; Scale::ALL.len()], least: f64) -> bool {
         let LitView { c, far, k, towards, distance, ke, m, pixel, .. } = *self;
         let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
         let loss = f64::max(terms / gap, (ke + 2.0 * terms) / (gap * gap));
-        // sqrt(k (g - across^2)) / m is half the width of the silhouette.
+        // Half the width of the silhouette is sqrt(k (g - across^2)) / m.
         let [_, y, z] = grid.ray(0, 0);
         let half_width = (k * (y * y + z * z)).sqrt() / m * (1.0 / grid.step);
         let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
-        // An upper bound of (ke den - n) den / p, which f32 has to hold.
+        // An upper bound of (ke den - n) den / p, which f32 must be able to hold.
         let largest = 16.0 * gain[1] * (distance * far * reach / pixel).powi(2) / least;
         let in_range = [far, distance, 1.0 / grid.focal, 1.0 / gain[0]].into_iter().all(|x| x < CUBED)
             && E::from_f64(largest).to_f64().is_finite();
@@ -110,7 +112,7 @@ impl LitView {
         is_accurate && in_range && half_width < COLUMNS && reaches(c, towards)
     }
 
-    /// The set-up of rows.
+    /// The constants by which the rows are set up.
     fn setup(&self, grid: &Grid<f64>, camera: &Camera, gain: f64) -> LitSetup<f64> {
         let LitView { c, k, v, m, pixel, .. } = *self;
         let [_, _, z] = grid.ray(0, 0);
@@ -137,7 +139,7 @@ impl LitView {
         }
     }
 
-    /// The constants that rows share.
+    /// The constants that the rows share.
     fn sphere(&self, grid: &Grid<f64>, gain: f64, least: f64, colour: DVec3) -> LitSphere<f64> {
         let LitView { c, v, kn, ke, pixel, .. } = *self;
         LitSphere {
@@ -153,24 +155,24 @@ impl LitView {
     }
 }
 
-/// A sphere seen from outside under one light, for SPHERE_LIT.
+/// The closed form of a sphere under one light, seen from outside, as SPHERE_LIT evaluates it.
 #[derive(Clone, Copy, Debug)]
 pub struct LitForm {
-    /// The set-up of its rows, in each scale.
+    /// The constants by which the rows are set up, in each scale.
     setups: [LitSetup<f64>; Scale::ALL.len()],
-    /// The constants that its rows share, in each scale.
+    /// The constants that the rows share, in each scale.
     spheres: [LitSphere<f64>; Scale::ALL.len()],
-    /// Whether red, green and blue are equal.
+    /// Whether the light's red, green and blue are equal.
     is_grey: bool,
-    /// Whether a grey sphere is made by kernels that compute one channel in place of three, which
-    /// f32 has.
+    /// Whether a grey sphere is rendered by kernels that compute one channel instead of three,
+    /// which exist in f32.
     makes_grey: bool,
 }
 
 impl LitForm {
-    /// The form of a scene of one sphere in the picture under one light, whose numbers are valid.
-    /// None for any other scene, and if `keep` rules the form out, its terms would cancel too much,
-    /// or it would have to clamp.
+    /// The closed form of a scene of one sphere in the picture under one light, whose numbers are
+    /// valid. None for any other scene; and if `keep` rules the form out, its terms would cancel
+    /// too much, or it would have to clamp colours.
     pub fn of<E: Element>(scene: &Scene, keep: Keep) -> Option<Self> {
         let ([sphere], [light], 0) = (&scene.spheres[..], &lights(scene)[..], scene.triangle_count()) else {
             return None;
@@ -189,8 +191,9 @@ impl LitForm {
         let weights = |scale: Scale| light.radiance() * (scale.white() * sphere.colour.as_dvec3());
         let weight = weights(Scale::Linear).max_element();
         let gain = Scale::ALL.map(|scale| 0.25 * weights(scale).max_element().powi(2));
-        // The p that takes the place of 0 where a root is estimated: a share of the silhouette's
-        // squared half-width that is below the rounding of p, and at most half a column.
+        // The least value of p where a root is estimated, since 0 has no estimate: a share of the
+        // silhouette's squared half-width that is below the rounding of p, and at most half a
+        // column.
         let least = (E::EPSILON / 32.0 * (grid.focal / view.pixel).powi(2)).min(0.5);
         let is_in_range = weight <= 1.0;
         if !is_in_range || !view.holds::<E>(grid, gain, least) {
@@ -205,23 +208,23 @@ impl LitForm {
         })
     }
 
-    /// The set-up of its rows.
+    /// The constants by which the rows are set up.
     pub fn setup(&self, scale: Scale) -> &LitSetup<f64> {
         &self.setups[scale as usize]
     }
 
-    /// The constants that its rows share.
+    /// The constants that the rows share.
     pub fn sphere(&self, scale: Scale) -> &LitSphere<f64> {
         &self.spheres[scale as usize]
     }
 
-    /// Whether red, green and blue are equal, and only one of them is computed.
+    /// Whether red, green and blue are equal and only one of them is computed.
     pub fn makes_grey(&self) -> bool {
         self.makes_grey
     }
 
-    /// How much of an `omission` there is in `scene`, if `hits` pixels of its picture see the
-    /// sphere; `bytes` says whether 8 bits are written.
+    /// How much of the work of an `omission` is saved in `scene`, if `hits` pixels of its picture
+    /// show the sphere. `bytes` says whether the output has 8 bits.
     pub(super) fn left_out(&self, omission: Omission, scene: &Scene, hits: u64, bytes: bool) -> u64 {
         let pixels = scene.camera.pixels();
         match omission {

@@ -1,4 +1,4 @@
-//! From a scene to a plan: the packed arrays that kernels read, and which work is omitted.
+//! From a scene to a plan: the packed arrays that kernels read, and what work is omitted.
 
 mod cancel;
 mod frustum;
@@ -27,15 +27,15 @@ pub use tiles::{EDGE_ROUNDINGS, ExactPlane, LargeInRow, LargeObjects, TilePlace,
 
 use crate::scene::Grid;
 
-/// How to plan. The pictures do not depend on it.
+/// How to plan. Pictures do not depend on these options.
 #[derive(Clone, Copy, Default)]
 pub struct PlanOptions<'a> {
-    /// The omissions that must not be made.
+    /// The omissions that are switched off.
     pub keep: Keep,
     /// The number of threads that plan; 0 means 1.
     pub threads: usize,
-    /// What stops planning, if anything may: the rest is then skipped, and the plan is incomplete
-    /// and must not be used.
+    /// Stops planning if it is set. Planning then skips the rest, and its plan is incomplete and
+    /// must not be used.
     pub cancel: Option<&'a Cancel>,
 }
 
@@ -46,8 +46,8 @@ impl PlanOptions<'_> {
     }
 }
 
-/// Moves those items that are kept to the front, in order, and returns their number. Without a
-/// branch for each, which the CPU would mispredict.
+/// Moves the items that are kept to the front, in order, and returns their number. It does so
+/// without a branch for each item, which the CPU would mispredict.
 #[inline(always)]
 pub fn compact<T: Copy>(items: &mut [T], mut is_kept: impl FnMut(&mut T) -> bool) -> usize {
     let mut count = 0;
@@ -60,14 +60,14 @@ pub fn compact<T: Copy>(items: &mut [T], mut is_kept: impl FnMut(&mut T) -> bool
     count
 }
 
-/// A grid of rays scaled by a power of two, and that power.
+/// A grid of rays that is scaled by a power of two, `unit`.
 struct UnitRays {
     grid: Grid<f64>,
     unit: f64,
 }
 
-/// Rays of about length 1: they keep their squares within the range of f32, and the factor is
-/// exact.
+/// Scales rays to a length of about 1, so that their squares are within the range of f32. The
+/// factor is exact.
 fn unit_rays(grid: Grid<f64>) -> UnitRays {
     let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
     UnitRays { grid: grid.scaled(unit), unit }

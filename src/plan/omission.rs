@@ -1,48 +1,48 @@
-//! Omissions: which work is left out, by name, the reason of each, and the set of those that are
-//! not to be made.
+//! Omissions: the names of the kinds of work that are left out, the reasons for them, and the set
+//! of those that are switched off.
 
-/// How a picture can be made without an omission.
+/// How the work of an omission can be done all the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
-    /// The same picture with more work: `--keep-all` makes it.
+    /// By `--keep-all`, which makes the same picture with more work.
     Work,
-    /// Other arithmetic, and so a picture that may differ in its last bit; done only to see what
-    /// the omission is worth.
+    /// By other arithmetic, which may change the last bit of the picture. It is only done to
+    /// measure what the omission gains.
     Arithmetic,
-    /// Not at all: there is no code for it.
+    /// Not at all: there is no code that does it.
     None,
 }
 
-/// Makes the enum and its functions from an entry for each: how a picture can be made without it,
-/// the unit of its count, the omitted work, and the reason.
+/// Makes the enum and its functions from an entry for each omission: how the work can be done all
+/// the same, the unit in which it is counted, the omitted work, and the reason.
 macro_rules! omissions {
     ($($(#[$doc:meta])* $name:ident: $switch:ident, $unit:literal, $what:literal, $reason:literal;)*) => {
-        /// Work that a picture does not need, decided once, before the first ray.
+        /// A kind of work that a picture does not need, as decided before the first ray.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Omission {
             $($(#[$doc])* $name,)*
         }
 
         impl Omission {
-            /// All of them, in the order of reports.
+            /// All omissions, in the order of reports.
             pub const ALL: [Omission; [$($what),*].len()] = [$(Omission::$name),*];
 
-            /// The omitted work, as a count of it reads.
+            /// The omitted work, in words that follow a count.
             pub fn what(self) -> &'static str {
                 match self { $(Omission::$name => $what,)* }
             }
 
-            /// Why nothing is lost by it.
+            /// Why the picture does not need the work.
             pub fn reason(self) -> &'static str {
                 match self { $(Omission::$name => $reason,)* }
             }
 
-            /// The unit of its count.
+            /// The unit in which the omitted work is counted.
             pub fn unit(self) -> &'static str {
                 match self { $(Omission::$name => $unit,)* }
             }
 
-            /// How a picture can be made without it.
+            /// How the work can be done all the same.
             pub fn switch(self) -> Switch {
                 match self { $(Omission::$name => Switch::$switch,)* }
             }

@@ -1,10 +1,10 @@
-//! A scene as it is read by the kernels of one vector per register.
+//! A scene in the form that kernels with one vector per register read.
 
 use crate::kernels::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Vec4};
 use crate::reference::geometry;
 use crate::scene::{Object, Scene, Triangle};
 
-/// Indices of objects are written with two digits, each exact in f32.
+/// An object's index is written as two digits in this base, each of which f32 holds exactly.
 const DIGIT: usize = 1 << 20;
 
 /// The lights and objects of a scene in arrays, and its rays in f32.
@@ -14,12 +14,12 @@ pub struct Packed {
     lights: Vec<Light>,
     spheres: Vec<PaperSphere>,
     triangles: Vec<PaperTriangle>,
-    /// The index in the scene of each of `triangles`.
+    /// For each of `triangles` its index in the scene.
     sources: Vec<usize>,
 }
 
 impl Packed {
-    /// Packs `scene` in its order, without the triangles that no ray can hit: those of no
+    /// Packs `scene` in its order, without the triangles that no ray can hit: those that have no
     /// area, and those whose plane passes through the camera.
     pub fn new(scene: &Scene) -> Self {
         let lights = scene
@@ -62,8 +62,8 @@ impl Packed {
         &self.frame
     }
 
-    /// A copy with the object's index in place of each colour, for [`Packed::object`]: the colour
-    /// of a pixel then says which object was hit.
+    /// A copy in which each colour encodes the object's index, so that a pixel's colour says which
+    /// object was hit; see [`Packed::object`].
     pub fn numbered(&self) -> Self {
         let mut numbered = self.clone();
         let number = |kind: f32, i: usize| Vec4::new((i % DIGIT) as f32, (i / DIGIT) as f32, kind);
@@ -72,7 +72,7 @@ impl Packed {
         numbered
     }
 
-    /// The object that a colour of [`Packed::numbered`] stands for; None for black.
+    /// The object that a colour of [`Packed::numbered`] encodes; None for black.
     pub fn object(&self, colour: Vec4) -> Option<Object> {
         let i = colour.x as usize + colour.y as usize * DIGIT;
         match colour.z as u32 {

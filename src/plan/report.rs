@@ -1,4 +1,4 @@
-//! What a plan keeps and what it omits, counted: the lines of `rayo plan`.
+//! What a plan keeps and what it omits, in numbers: the lines of `rayo plan`.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,14 +7,14 @@ use super::lit::LitForm;
 use super::omission::{Omission, Switch};
 use crate::scene::Scene;
 
-/// The kept part of a scene, and each line of omitted work.
+/// What is traced of a scene, and what work is omitted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// What is traced.
     pub kept: Kept,
-    /// The omitted work, in the order of [`Omission::ALL`]; only lines with a count.
+    /// The omitted work, in the order of [`Omission::ALL`]; lines whose count is 0 are left out.
     pub left_out: Vec<LeftOut>,
-    /// If the scene is traced tile by tile, how and why.
+    /// How and why the scene is traced tile by tile, if it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tiles: Option<ByTiles>,
 }
@@ -22,17 +22,17 @@ pub struct Report {
 /// How a scene is traced tile by tile, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ByTiles {
-    /// Objects of the scene.
+    /// The number of objects in the scene.
     pub objects: u64,
-    /// Pixels of a tile.
+    /// The number of columns of a tile.
     pub width: u32,
-    /// Pixels of a tile.
+    /// The number of rows of a tile.
     pub height: u32,
-    /// Tiles of the picture, from left to right.
+    /// The number of tiles from left to right.
     pub across: u32,
-    /// Tiles of the picture, from top to bottom.
+    /// The number of tiles from top to bottom.
     pub down: u32,
-    /// Objects of tiles, each counted in every tile that its bounds meet.
+    /// The number of candidates: an object counts once in every tile that its bounds meet.
     pub placed: u64,
 }
 
@@ -51,20 +51,20 @@ pub struct LeftOut {
     /// The omission.
     #[serde(skip)]
     pub omission: Omission,
-    /// [`Omission::what`].
+    /// The omitted work, from [`Omission::what`].
     pub what: &'static str,
     pub count: u64,
-    /// [`Omission::unit`].
+    /// The unit of `count`, from [`Omission::unit`].
     pub unit: &'static str,
-    /// [`Omission::reason`], or that of tiles.
+    /// The reason, from [`Omission::reason`] unless tracing in tiles has another one.
     pub reason: &'static str,
-    /// [`Omission::switch`], or that of tiles.
+    /// From [`Omission::switch`], unless tracing in tiles has another one.
     #[serde(skip)]
     pub switch: Switch,
 }
 
 impl LeftOut {
-    /// A line with a count of 0.
+    /// A line whose count is 0.
     pub(super) fn none(omission: Omission) -> Self {
         LeftOut {
             omission,
@@ -76,7 +76,7 @@ impl LeftOut {
         }
     }
 
-    /// The line's wording for tiles.
+    /// The line as it is worded for tracing in tiles.
     pub(super) fn by_tiles(self) -> Self {
         match self.omission {
             Omission::NoArea => LeftOut {
@@ -108,8 +108,8 @@ impl LeftOut {
 }
 
 impl Report {
-    /// The report on `scene` for an engine that tests every ray against every object except for the
-    /// omissions `made`.
+    /// The report on `scene` for an engine that tests every ray against every object, except for
+    /// the omissions in `made`.
     #[doc(hidden)]
     pub fn of_rays(scene: &Scene, made: &[Omission]) -> Self {
         let unhit = |why| scene.all_triangles().filter(|triangle| never_hit(triangle) == Some(why)).count();
@@ -122,7 +122,7 @@ impl Report {
             Omission::NoArea => no_area as u64,
             Omission::EdgeOn => edge_on as u64,
             Omission::Constants => (kept.spheres + kept.triangles) as u64,
-            // With one object no hit is behind another.
+            // A single object hides no other hit.
             Omission::Hidden if kept.spheres + kept.triangles > 1 => scene.camera.pixels(),
             _ => 0,
         };
@@ -130,14 +130,14 @@ impl Report {
         Report::with(kept, None, made.map(|omission| LeftOut { count: count(omission), ..LeftOut::none(omission) }))
     }
 
-    /// The report on a scene that `form` traces; `hits` pixels see the sphere, and `bytes` says
-    /// whether 8 bits are written.
+    /// The report on a scene that is traced by the closed form `form`; `hits` pixels show the
+    /// sphere, and `bytes` says whether the output has 8 bits.
     #[doc(hidden)]
     pub fn of_lit(scene: &Scene, form: &LitForm, hits: u64, bytes: bool) -> Self {
         let line = |omission| {
             let count = form.left_out(omission, scene, hits, bytes);
             match omission {
-                // The form begins with the two ends of each row.
+                // The closed form begins with the two ends of each row.
                 Omission::Misses => LeftOut { count, switch: Switch::None, ..LeftOut::none(omission) },
                 _ => LeftOut { count, ..LeftOut::none(omission) },
             }
@@ -146,12 +146,12 @@ impl Report {
         Report::with(Kept { spheres: 1, triangles: 0, lights }, None, Omission::ALL.into_iter().map(line))
     }
 
-    /// Only the lines with a count.
+    /// Makes a report, without the lines whose count is 0.
     pub(super) fn with(kept: Kept, tiles: Option<ByTiles>, lines: impl Iterator<Item = LeftOut>) -> Self {
         Report { kept, left_out: lines.filter(|line| line.count > 0).collect(), tiles }
     }
 
-    /// The report in lines: counts, names and reasons in columns.
+    /// The report as text: a line for each omission, with counts, names and reasons in columns.
     pub fn lines(&self) -> Vec<String> {
         let Kept { spheres, triangles, lights } = self.kept;
         let mut lines = vec![format!(

@@ -1,13 +1,15 @@
-//! What each light sees: the objects that may hide it, in the cells of six pictures around it.
+//! What each light sees: the objects that may hide it from a point, in the cells of the six sides
+//! of a cube around it.
 //!
-//! A light is a camera. The segments from all visible points to a light meet in it, as the camera's
-//! rays meet in the camera, so that objects can be found by their bounds here too: around the light
-//! is a cube, each side of which is a picture, divided into cells. An object is entered in few
-//! cells, and a point is tested only against the objects in the cells of its tile.
+//! A light is treated like a camera. The segments from all visible points to a light meet in the
+//! light, as the camera's rays meet in the camera, so that here too objects can be found by their
+//! bounds. Around the light is a cube, each side of which is a picture that is divided into cells.
+//! An object is entered in few cells, and a point is tested only against the objects in the cells
+//! that its tile meets.
 //!
-//! How fine the cells are decides how long that takes, and no pixel. Each side has a pyramid of
-//! grids. An object is entered once, in the grid whose cells are about as large as it is and in the
-//! cell in which it begins; so it reaches at most into the next cells across and down.
+//! The size of the cells affects the time that this takes, but no pixel. Each side has a pyramid of
+//! grids. An object is entered once: in the grid whose cells are about as large as the object, and
+//! in the cell in which it begins. It therefore extends at most into the next cell across and down.
 
 use std::ops::Range;
 
@@ -28,42 +30,42 @@ const SIDES: [(usize, f64); 6] = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 
 /// The number of cells across a side, and down, of the finest grid.
 const FINEST: u32 = 4096;
 
-/// Finer cells than this many pixels are not made: they would be smaller than what a group of
-/// pixels sees.
+/// The least size of cells in pixels: finer cells would be smaller than what a group of pixels
+/// sees.
 const PIXELS_OF_A_CELL: u32 = 4;
 
-/// A grid has at most this many cells for each of its objects. If a size of cells would have more,
-/// its objects are entered in a coarser grid.
+/// How many cells a grid may have per object. If a grid would have more, its objects are entered in
+/// a coarser grid.
 const CELLS_OF_AN_OBJECT: usize = 4;
 
-/// The objects of a cell are sorted by depth if they are more than this.
+/// The objects of a cell are sorted by depth if there are more than this.
 const FEW: u32 = 8;
 
-/// A bound of the rounding error of a coordinate on a side, which is from -1 to 1: three or four
-/// roundings each of an object's bounds and of a point.
+/// A bound on the rounding error of a coordinate on a side, which is from -1 to 1: three or four
+/// roundings each for an object's bounds and for a point.
 const SLACK: f64 = 8.0 * f64::EPSILON;
 
-/// A bound of the rounding error of |P - c|^2 - r^2 in units of r times the sum of P's coordinates:
-/// of P itself, and of its products.
+/// A bound on the rounding error of |P - c|^2 - r^2, in units of r times the sum of the magnitudes
+/// of P's coordinates. It includes the rounding of P itself and of its products.
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// A bound of the rounding error of a plane at a point, in units of the sum of the terms'
-/// magnitudes.
+/// A bound on the rounding error of a plane's value at a point, in units of the sum of the
+/// magnitudes of its terms.
 const PLANE_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// If |P - c|^2 - r^2 is so many times as large as the same of the light, P is much farther from
-/// the sphere than the light is.
+/// If |P - c|^2 - r^2 is this many times as large as that of the light, the point P is much farther
+/// from the sphere than the light is.
 const FAR_POWER: f64 = 1_048_576.0;
 
-/// So many triangles that follow each other in the scene are entered as one object, if they are
+/// This many triangles that follow each other in the scene are entered as one object, if they are
 /// also near each other.
 const RUN: usize = 16;
 
-/// Objects that follow each other in the scene, and are entered as one.
+/// Objects that follow each other in the scene and are entered as one object.
 struct Run {
-    /// The least and the greatest coordinates.
+    /// The least and the greatest coordinates of the objects.
     ends: [DVec3; 2],
-    /// The index of the first one in the scene, and how many they are.
+    /// The index of the first object in the scene; `count` is the number of objects.
     first: u32,
     count: u32,
 }
@@ -78,31 +80,32 @@ pub struct Shadows<'a> {
 /// What one light sees.
 struct LightView {
     position: DVec3,
-    /// The sides with objects.
+    /// The sides of the cube that have objects.
     sides: Vec<Side>,
 }
 
-/// The objects on a side of the cube.
+/// A side of the cube, with its objects.
 #[derive(Clone, Default)]
 struct Side {
     /// The index in [`SIDES`].
     number: usize,
     view: LightSideView<f64>,
-    /// The objects of the first cell of the first grid, then those of the next cell, and so on.
-    /// Within a cell of more than [`FEW`], from the nearest on.
+    /// The objects of the first cell of the first grid, then those of the next cell, and so on. A
+    /// cell with more than [`FEW`] objects has them sorted from the nearest to the farthest.
     objects: Vec<Extent>,
-    /// For each cell the index in `objects` of its first one; and last, their number.
+    /// For each cell the index in `objects` of its first object; and at the end the number of all
+    /// objects.
     starts: Vec<u32>,
-    /// The grids that have objects, from the finest on.
+    /// The grids that have objects, from the finest to the coarsest.
     grids: Vec<Grid>,
 }
 
-/// The cells of one size, row by row.
+/// A grid of cells of one size, row by row.
 #[derive(Clone)]
 struct Grid {
     /// The binary logarithm of the side of a cell, in cells of the finest grid.
     coarseness: u32,
-    /// The index of the first cell among those of all grids.
+    /// The index of the grid's first cell among the cells of all grids.
     first: usize,
 }
 
@@ -115,18 +118,18 @@ pub struct LightSide<'a> {
 }
 
 /// The bounds of points on a side, in cells: `past_x`, `past_y`, `x`, `y` and `depth` of
-/// `LitGroups`, where greatest values are negated, so that all are least values.
+/// `LitGroups`. The greatest coordinates are negated, so that all five are minima.
 pub type Ends = [f32; 5];
 
-/// The points of a tile or of a part of it, by their bounds.
+/// The bounds of the points of a tile, or of some of them, and the cells that they meet.
 pub struct Window {
     ends: Ends,
-    /// The columns and rows of the cells of the finest grid that they may be in.
+    /// The columns and rows of cells of the finest grid in which the points may be.
     cells: [Range<u32>; 2],
 }
 
 impl Window {
-    /// The middle cell of the window alone; the bounds stay those of all points.
+    /// A window with the middle cell alone. Its bounds are still those of all points.
     pub fn middle(&self) -> Window {
         let cells = self.cells.clone().map(|cells| {
             let middle = cells.start.midpoint(cells.end - 1);
@@ -135,26 +138,27 @@ impl Window {
         Window { ends: self.ends, cells }
     }
 
-    /// The least and the greatest coordinates of its points, in cells. Points beyond all cells have
-    /// no objects in front of them, and do not count.
+    /// The least and the greatest coordinates of the points, in cells. Points beyond all cells are
+    /// not considered, since no object is in front of them.
     pub fn corners(&self) -> [[f32; 2]; 2] {
         let [past_x, past_y, x, y, _] = self.ends;
         [[x, y].map(|x| x.max(0.0)), [-past_x, -past_y].map(|x| x.min(FINEST as f32))]
     }
 }
 
-/// The casters of one query: objects that may hide a light from some points, as it sees them.
+/// The casters of one occlusion query: objects that may hide a light from some points, as the light
+/// sees them.
 pub struct Casters {
-    /// Spheres, or triangles of one of the two kinds.
+    /// The objects: spheres, or triangles of one of the two kinds.
     pub list: CasterList,
-    /// The records for the decision in f64, at the index that an object has in the list. Set only
-    /// for objects that some group of points meets.
+    /// The records by which f64 decides, at the same index as the object in the list. They are only
+    /// set for objects that some group of points meets.
     pub spheres: Box<[SphereCaster<f64>]>,
     pub triangles: Box<[TriangleCaster<f64>]>,
     arrays: Box<TriangleArrays>,
 }
 
-/// If one end of an edge is so many times as far away as the other, the rounding of the edge's
+/// If one end of an edge is this many times as far away as the other, the rounding of the edge's
 /// middle matters near the nearer end.
 const FAR_BESIDE_NEAR: f64 = 1024.0;
 
@@ -169,7 +173,7 @@ impl Default for Casters {
     }
 }
 
-/// The bounds of an object on a side: its coordinates at depth 1, and its least depth.
+/// The bounds of an object on a side: its coordinates where the depth is 1, and its least depth.
 #[derive(Clone, Copy)]
 struct Bounds {
     low: [f64; 2],
@@ -177,10 +181,10 @@ struct Bounds {
     depth: f64,
 }
 
-/// The bounds of an object that is beside the light or around it.
+/// The bounds of an object that is beside the light or contains it.
 const WHOLE: Bounds = Bounds { low: [-1.0; 2], high: [1.0; 2], depth: 0.0 };
 
-/// A vector in the axes of a side: across, down, and depth.
+/// A vector in the axes of a side: across, down and depth.
 #[inline(always)]
 fn turned(v: DVec3, side: usize) -> [f64; 3] {
     let (axis, sign) = SIDES[side];
@@ -189,8 +193,8 @@ fn turned(v: DVec3, side: usize) -> [f64; 3] {
 }
 
 impl Bounds {
-    /// The bounds of a box, given by its least and its greatest coordinates with the light at 0.
-    /// None if the box is not on this side.
+    /// The bounds of a box that is given by its least and its greatest coordinates relative to the
+    /// light. None if the light does not see the box through this side.
     #[inline(always)]
     fn of_box([low, high]: [DVec3; 2], side: usize) -> Option<Bounds> {
         let (a, b) = (turned(low, side), turned(high, side));
@@ -206,7 +210,7 @@ impl Bounds {
         Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: near }.clipped()
     }
 
-    /// Widened by [`SLACK`], and cut to the side; None if nothing is left.
+    /// The bounds, widened by [`SLACK`] and clipped to the side; None if nothing is left.
     fn clipped(self) -> Option<Bounds> {
         let (low, high) = (self.low.map(|x| (x - SLACK).max(-1.0)), self.high.map(|x| (x + SLACK).min(1.0)));
         (low[0] <= high[0] && low[1] <= high[1]).then_some(Bounds { low, high, ..self })
@@ -214,22 +218,22 @@ impl Bounds {
 }
 
 /// The bounds of an object in cells, in f32. Points are rounded to f32 by the same operations,
-/// which keep the order of numbers: a point within the bounds stays within.
+/// which preserve order, so that a point within the bounds stays within them.
 fn extent(view: &LightSideView<f64>, of: &Bounds, Run { first, count, .. }: &Run) -> Extent {
     let at = |[x, y]: [f64; 2]| [((x - view.low_x) * view.scale_x) as f32, ((y - view.low_y) * view.scale_y) as f32];
-    // The depth is rounded down.
+    // Rounded so that it is not above the exact depth.
     let depth = (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32;
     Extent { low: at(of.low), high: at(of.high), depth, first: *first, count: *count }
 }
 
-/// The finest cell that a coordinate is in.
+/// The column or row of the finest cell that contains a coordinate.
 fn cell(x: f32) -> u32 {
     (x as u32).min(FINEST - 1)
 }
 
 impl Side {
-    /// Enters runs on one side of a light. All of them together have the bounds `whole` there; the
-    /// picture's longer side has so many `pixels`.
+    /// Enters runs on one side of a light. `whole` are the bounds of all runs there; the picture's
+    /// longer side has `pixels` pixels.
     fn of(runs: &[Run], light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
         let (low, high) = (whole.low.map(|x| x - 4.0 * SLACK), whole.high.map(|x| x + 4.0 * SLACK));
         let [scale_x, scale_y] = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]));
@@ -268,12 +272,12 @@ impl Place {
 
 impl Grid {
     /// Makes the grids for some objects, none finer than `finest`. Returns them with the `starts`
-    /// and the `objects` of [`Side`].
+    /// and the `objects` for [`Side`].
     fn of(unsorted: &[(Extent, Place)], finest: u32) -> (Vec<Grid>, Vec<u32>, Vec<Extent>) {
         const LEVELS: usize = 1 + FINEST.ilog2() as usize;
         let mut counts = [0; LEVELS];
         unsorted.iter().for_each(|(_, place)| counts[usize::from(place.level).max(finest as usize)] += 1);
-        // `of_level` has the index of the grid of each level.
+        // For each level `of_level` has the index of its grid.
         let (mut grids, mut of_level, mut count, mut cells) = (Vec::new(), [0; LEVELS], 0, 0);
         for level in 0..LEVELS {
             of_level[level] = grids.len();
@@ -287,9 +291,9 @@ impl Grid {
         let cell = |place: &Place| {
             grids[of_level[usize::from(place.level)]].cell(u32::from(place.column), u32::from(place.row))
         };
-        // A counting sort. First `starts[cell + 2]` is the number of objects of a cell; after the
-        // sums, `starts[cell + 1]` is where its next object goes; and in the end, where its last
-        // one ends.
+        // A counting sort. At first `starts[cell + 2]` is the number of objects in a cell; after
+        // the prefix sums `starts[cell + 1]` is where its next object goes; and at the end it is
+        // where its last object ends.
         let mut starts = vec![0; cells + 2];
         unsorted.iter().for_each(|(_, place)| starts[cell(place) + 2] += 1);
         let mut crowded = Vec::new();
@@ -312,18 +316,19 @@ impl Grid {
         (grids, starts, objects)
     }
 
-    /// The index of the cell that holds this column and row of the finest grid.
+    /// The index of the cell that contains this column and row of the finest grid.
     fn cell(&self, column: u32, row: u32) -> usize {
         let Grid { coarseness, first } = self;
         first + ((row >> coarseness) * (FINEST >> coarseness) + (column >> coarseness)) as usize
     }
 }
 
-/// The objects of a scene in runs.
+/// Divides the objects of a scene into runs.
 fn runs(scene: &Scene) -> Vec<Run> {
     let sphere = |(sphere, first): (&Sphere, u32)| {
         let centre = sphere.centre.as_dvec3();
-        // The radius of a far sphere may be less than the rounding of these sums.
+        // The radius of a distant sphere may be less than the rounding of these sums, so that their
+        // error is added.
         let radius = DVec3::splat(sphere.radius.into()) + f64::EPSILON * centre.abs();
         Run { ends: [centre - radius, centre + radius], first, count: 1 }
     };
@@ -352,14 +357,14 @@ fn runs(scene: &Scene) -> Vec<Run> {
     runs
 }
 
-/// Both lists of triangles, and the index in the scene, where spheres come first, of the first
-/// triangle of each.
+/// Both lists of triangles, each with the index of its first triangle in the scene, where spheres
+/// come first.
 fn lists(scene: &Scene) -> [(TriangleList<'_>, u32); 2] {
     let (first, count) = (scene.spheres.len() as u32, scene.triangles.len() as u32);
     [(TriangleList::Apart(&scene.triangles), first), (TriangleList::Joined((&scene.faces).into()), first + count)]
 }
 
-/// The corners of a triangle at this place in the scene.
+/// The corners of the triangle at this index in the scene.
 fn corners(scene: &Scene, place: u32) -> [DVec3; 3] {
     let [apart, joined] = lists(scene);
     let (list, first) = if place < joined.1 { apart } else { joined };
@@ -413,15 +418,15 @@ impl<'a> Shadows<'a> {
         self.lights.iter().map(|light| light.position)
     }
 
-    /// The sides on which a light sees objects.
+    /// The sides of its cube through which a light sees objects.
     pub fn sides(&self, light: usize) -> impl ExactSizeIterator<Item = LightSide<'_>> {
         let LightView { position, sides } = &self.lights[light];
         sides.iter().map(move |side| LightSide { scene: self.scene, position: *position, side })
     }
 
-    /// The record by which the visible points of an object are found; `place` is its index in the
-    /// scene, spheres first. None if no light reaches what is visible of it: a sphere around the
-    /// camera, or a triangle that no ray hits.
+    /// The record by which the visible points of an object are computed; `place` is the object's
+    /// index in the scene, where spheres come first. None if no light reaches its visible points:
+    /// for a sphere that contains the camera, or a triangle that no ray hits.
     pub fn object(&self, place: usize) -> Option<PointObject<f64>> {
         let own = own_number(place as u32);
         let of = |DVec3 { x, y, z }: DVec3| PointObject { x, y, z, own, w: 1.0, ..PointObject::default() };
@@ -437,17 +442,18 @@ impl<'a> Shadows<'a> {
 }
 
 impl<'a> LightSide<'a> {
-    /// The view of the kernels that find points and triangles on this side.
+    /// The view that the kernels which find points and triangles on this side take.
     pub fn view(&self) -> &LightSideView<f64> {
         &self.side.view
     }
 
-    /// The axis that it looks along.
+    /// The axis that the side is perpendicular to.
     pub fn axis(&self) -> usize {
         SIDES[self.side.number].0
     }
 
-    /// Whether points with these least and greatest coordinates may be on it.
+    /// Whether the light may see points with these least and greatest coordinates through this
+    /// side.
     pub fn may_see(&self, [low, high]: [DVec3; 2]) -> bool {
         let rounding = DVec3::splat(SLACK * (low.abs().max(high.abs()) + self.position.abs()).max_element());
         Bounds::of_box([low - rounding, high + rounding].map(|v| v - self.position), self.side.number).is_some()
@@ -458,8 +464,7 @@ impl<'a> LightSide<'a> {
         self.position.to_array()
     }
 
-    /// The window of points with these bounds; None if none of them is on this side where objects
-    /// are.
+    /// The window of points with these bounds. None if no point is where this side has objects.
     pub fn window(&self, ends: Ends) -> Option<Window> {
         let ([past_x, past_y, x, y, _], end) = (ends, FINEST as f32);
         (x <= end && y <= end && past_x <= 0.0 && past_y <= 0.0)
@@ -471,11 +476,11 @@ impl<'a> LightSide<'a> {
         self.rows(window).map(|starts| (starts[starts.len() - 1] - starts[0]) as usize).sum()
     }
 
-    /// For each row of cells of each grid that a window meets, the indices at which its cells'
-    /// objects begin, and the end of the last.
+    /// For each row of cells, in each grid, that a window meets: the indices at which the objects
+    /// of its cells begin, and the end of the last.
     fn rows(&self, Window { cells, .. }: &Window) -> impl Iterator<Item = &'a [u32]> {
         self.side.grids.iter().flat_map(move |grid| {
-            // An object that begins one cell before may reach into the window.
+            // An object that begins in the cell before may extend into the window.
             let side = 1 << grid.coarseness;
             let [columns, rows] = [0, 1].map(|i| cells[i].start.saturating_sub(side)..cells[i].end);
             let rows = (rows.start >> grid.coarseness << grid.coarseness..rows.end).step_by(side as usize);
@@ -483,8 +488,8 @@ impl<'a> LightSide<'a> {
         })
     }
 
-    /// Adds the objects in the cells of a window that may be in front of its points, to the list of
-    /// their kind: spheres, and both kinds of triangles.
+    /// Adds the objects in the cells of a window that may be in front of its points to the list of
+    /// their kind: spheres, or one of the two kinds of triangles.
     pub fn gather(&self, window: &Window, all: &mut [Vec<&'a Extent>; 3]) {
         let [past_x, past_y, x, y, depth] = window.ends;
         let meets = |of: &&Extent| {
@@ -503,8 +508,8 @@ impl<'a> LightSide<'a> {
         }
     }
 
-    /// Makes casters of the first of these objects, all of one kind, as many as there is room for.
-    /// Returns the others.
+    /// Makes casters of the first of these objects, all of the same kind, as many as there is room
+    /// for. Returns the remaining objects.
     pub fn cast<'b>(
         &self,
         (kind, objects): (usize, &'b [&'a Extent]),
@@ -527,7 +532,7 @@ impl<'a> LightSide<'a> {
         later
     }
 
-    /// Makes the records for the decision in f64, of those casters that some group of points meets.
+    /// Makes the records by which f64 decides, for the casters that some group of points meets.
     pub fn make_met(&self, Casters { list, spheres, triangles, .. }: &mut Casters) {
         for MetCaster { number, place } in list.each_met() {
             match self.scene.spheres.get(place as usize) {
@@ -537,24 +542,25 @@ impl<'a> LightSide<'a> {
         }
     }
 
-    /// A triangle as the light sees it, at this place in the scene.
+    /// The record of the triangle at this index in the scene, as the light sees it.
     fn triangle(&self, place: u32) -> TriangleCaster<f64> {
         let corners = corners(self.scene, place);
         let (normal, light) = (geometry::triangle_plane(corners), self.position);
         let Some(side) = geometry::side_of_plane(corners, normal, light, 0.0) else {
-            // The light sees it as an edge: it hides nothing.
+            // The light is in the triangle's plane, so that the triangle hides nothing from it.
             return TriangleCaster { e10: -1.0, ..TriangleCaster::ZERO };
         };
         let distances = [light, DVec3::ZERO].map(|from| corners.map(|v| (v - from).abs().max_element()));
         let nearer = |i: usize, j: usize, from: usize| if distances[from][j] < distances[from][i] { j } else { i };
-        // An edge's plane, through the light and both ends, depends on the edge alone, so that two
-        // triangles that share an edge have the same one up to its sign.
+        // The plane through the light and both ends of an edge depends on the edge alone, so that
+        // two triangles that share the edge have the same plane, up to its sign.
         let edge = |i: usize, j: usize| {
             let (v, w) = (corners[i], corners[j]);
             let is_near = |of: [f64; 3]| of[i].max(of[j]) > of[i].min(of[j]) * FAR_BESIDE_NEAR;
             let (mut seen, mut known) = (0.5 * (v + w), 0.5 * (v + w));
             if distances.into_iter().any(is_near) {
-                // The middle's rounding would matter: the plane is taken through the ends instead.
+                // The rounding of the edge's middle would matter here: the plane is taken through
+                // an end instead.
                 let nearest = nearer(i, j, 1);
                 let is_light = light.abs().max_element() < distances[1][nearest];
                 (seen, known) = (corners[nearer(i, j, 0)], if is_light { light } else { corners[nearest] });
@@ -587,14 +593,14 @@ impl<'a> LightSide<'a> {
         }
     }
 
-    /// A sphere as the light sees it, at this place in the scene.
+    /// The record of a sphere, at this index in the scene, as the light sees it.
     fn sphere(&self, sphere: &Sphere, place: u32) -> SphereCaster<f64> {
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let l = c - self.position;
         let (r2, of_light) = (radius * radius, geometry::power(l, radius));
         let is_outside = of_light > 0.0;
-        // Points near a large sphere are lost in the rounding of |P - c|^2 - r^2. For such a sphere
-        // it is P . (P - 2 c), and |c|^2 - r^2 from exact squares.
+        // Points near a large sphere would be lost in the rounding of |P - c|^2 - r^2. For such a
+        // sphere it is computed as P . (P - 2 c) + (|c|^2 - r^2), the latter from exact squares.
         let is_large = c.dot(c) < 4.0 * r2;
         let (u, w, k) = if is_large { (DVec3::ZERO, 2.0 * c, geometry::power(c, radius)) } else { (c, c, -r2) };
         SphereCaster {

@@ -1,4 +1,4 @@
-//! The threads that plan and trace pictures: each takes the next task when it is free.
+//! The threads that plan and trace pictures. Each takes another task when it has finished one.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -14,34 +14,34 @@ use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder, Yield};
 use crate::kernels::StandardFloats;
 use crate::kernels::sys::{cores, new_thread};
 
-/// An idle thread stays awake for so long before it sleeps: to wake it takes up to 0.7 ms, the time
-/// of a whole picture.
+/// How long an idle thread stays awake before it sleeps: waking up takes up to 0.7 ms, which is the
+/// time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
 
-/// The most threads of a team, more than machines have cores. Four times as many would search each
-/// other's queues for minutes.
+/// The number of threads that a team may have, more than the cores of most machines. Four times as
+/// many would search each other's queues for minutes.
 pub const MAX_THREADS: usize = 1024;
 
-/// The thread that calls, and others that help it.
+/// The calling thread and others that help it.
 pub struct Team {
-    /// The other threads, if there are any, and the thread that created the team, unless it belongs
-    /// to another pool.
+    /// The other threads, if there are any. The thread that created the team is in this pool too,
+    /// unless it belongs to another one.
     pool: Option<ThreadPool>,
     others: usize,
 }
 
-/// The team that was requested last, and the number of threads that was requested.
+/// The team that was made last, and the number of threads that was requested for it.
 static LAST: Mutex<Option<(usize, Arc<Team>)>> = Mutex::new(None);
 
 impl Team {
-    /// A thread without others.
+    /// A team of the calling thread alone.
     pub const fn alone() -> Self {
         Team { pool: None, others: 0 }
     }
 
-    /// A team of at most this many threads, and at least 1: fewer where the system gives no more.
-    /// It is the team that was requested last if that was for as many, so that planning and tracing
-    /// share their threads.
+    /// A team of at most `threads` threads and at least 1: fewer if the system allows no more. If
+    /// the last request was for the same number, the same team is returned, so that planning and
+    /// tracing share their threads.
     pub fn up_to(threads: usize) -> Arc<Self> {
         if threads <= 1 {
             return Arc::new(Team::alone());
@@ -56,10 +56,10 @@ impl Team {
         team
     }
 
-    /// A team of this many threads, as [`up_to`](Self::up_to), but not of fewer.
+    /// A team of exactly `threads` threads.
     ///
     /// # Errors
-    /// How many there are, if the system gives fewer.
+    /// The number of threads that there can be, if the system allows fewer.
     pub fn of(threads: usize) -> Result<Arc<Self>, usize> {
         if threads > MAX_THREADS {
             return Err(MAX_THREADS);
@@ -68,13 +68,13 @@ impl Team {
         if team.threads() >= threads {
             return Ok(team);
         }
-        // The system may give more threads the next time.
+        // The system may allow more threads the next time.
         *LAST.lock().unwrap_or_else(PoisonError::into_inner) = None;
         Err(team.threads())
     }
 
-    /// Starts up to so many other threads, and then a pool of as many as there are: building a pool
-    /// fails if one of its threads cannot be started.
+    /// Starts up to `others` other threads, and then makes a pool of those that have started:
+    /// making a pool fails if one of its threads cannot be started.
     fn start(others: usize) -> Self {
         let started = (0..others).map_while(|_| {
             let (give, take) = mpsc::channel::<ThreadBuilder>();
@@ -97,17 +97,18 @@ impl Team {
         1 + self.others
     }
 
-    /// Has all threads take tasks until none is left. This one takes part, from the front: it need
-    /// not wait until another is awake, nor at the end for one that has not begun because other
-    /// programs use its core. The others take tasks from the back, so that two threads find in
-    /// their caches what they wrote last time.
+    /// Lets all threads take tasks until none is left. The calling thread takes part, from the
+    /// front: it need neither wait until another thread is awake, nor at the end for one that has
+    /// not begun because other programs use its core. The other threads take tasks from the back,
+    /// so that two threads find in their caches what they wrote the last time.
     pub fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
         self.share_with(tasks, Halved::whole, || (), |(), task| work(task));
     }
 
-    /// As [`share`](Self::share), but the thread that takes the last task takes half of it, by
-    /// `halve`, and leaves the rest, so that all threads finish at about the same time. Each thread
-    /// that takes a task makes a state by `begin`, which its tasks share. Returns these states.
+    /// As [`share`](Self::share), but a thread that takes the last task divides it by `halve`,
+    /// takes one half and leaves the other, so that all threads finish at about the same time. Each
+    /// thread that takes tasks makes a state by `begin`, which its tasks share. Returns these
+    /// states.
     pub fn share_with<T: Send, S: Send>(
         &self,
         tasks: impl Iterator<Item = T>,
@@ -139,8 +140,8 @@ impl Team {
             while let Some(task) = queue.take(VecDeque::pop_front) {
                 work_here(task);
             }
-            // For threads that have not begun nothing is left. If this thread belongs to the pool,
-            // it runs their jobs, which end at once.
+            // Nothing is left for threads that have not begun. If the calling thread belongs to the
+            // pool, it runs their jobs, which end at once.
             while rayon::yield_local() == Some(Yield::Executed) {}
             wait_a_while(|| done.load(Ordering::Acquire) == self.others);
         });
@@ -153,8 +154,8 @@ impl Team {
         let here = thread::current().id();
         for _ in 0..self.others {
             pool.spawn(move || {
-                // This thread may run the job while it waits for others. It has work, and does not
-                // linger.
+                // The calling thread may run this job itself while it waits for others. It has work
+                // to do, and must not linger.
                 if thread::current().id() != here {
                     linger();
                 }
@@ -164,15 +165,15 @@ impl Team {
 }
 
 /// Runs a thread of a pool with the floating-point settings that Rust assumes: a library of the
-/// host may have changed those of each new thread.
+/// host may change the settings of each new thread.
 fn run_in_pool(thread: ThreadBuilder) {
     let _floats = StandardFloats::set();
     thread.run();
 }
 
-/// The results of `work` for each number below `count`, in order, computed on a thread for each
-/// core. The threads are started by the first call, and stay; if they cannot be started, the
-/// calling thread does all.
+/// The results of `work` for each number below `count`, in order, computed with a thread per core.
+/// The threads are started by the first call, and are kept. If they cannot be started, the calling
+/// thread computes everything.
 pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
     static ALL: OnceLock<Option<ThreadPool>> = OnceLock::new();
     let start = |thread: ThreadBuilder| new_thread()?.spawn(|| run_in_pool(thread)).map(drop);
@@ -182,7 +183,7 @@ pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sy
     }
 }
 
-/// A task in two parts, if it can be divided.
+/// A task that may have been divided in two.
 pub struct Halved<T> {
     pub first: T,
     pub rest: Option<T>,
@@ -202,7 +203,7 @@ struct Queue<T, H> {
 }
 
 impl<T, H: Fn(T) -> Halved<T>> Queue<T, H> {
-    /// The task at one end; half of it if it is the last one.
+    /// Takes the task at one end; only half of it if it is the last one.
     fn take(&self, pop: fn(&mut VecDeque<T>) -> Option<T>) -> Option<T> {
         let mut tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner);
         let task = pop(&mut tasks)?;
@@ -215,10 +216,10 @@ impl<T, H: Fn(T) -> Halved<T>> Queue<T, H> {
     }
 }
 
-/// Keeps a thread of a pool looking for work until it has found none for [`LINGER`].
+/// Keeps a thread of a pool awake, looking for work, until it has found none for [`LINGER`].
 fn linger() {
     thread_local!(static LINGERS: Cell<bool> = const { Cell::new(false) });
-    // The work that a lingering thread finds may be another one of these jobs.
+    // The work that a lingering thread finds may be another such job.
     if LINGERS.replace(true) {
         return;
     }
@@ -226,7 +227,8 @@ fn linger() {
     LINGERS.set(false);
 }
 
-/// Waits, awake, until `is_so` holds, but not much longer than [`LINGER`]; returns whether it does.
+/// Waits, without sleeping, until `is_so` holds, but not much longer than [`LINGER`]. Returns
+/// whether it holds.
 fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
     let start = Instant::now();
     loop {

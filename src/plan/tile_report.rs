@@ -1,4 +1,4 @@
-//! What tiles keep and cull, counted.
+//! Counts what tiles keep and what they cull.
 
 use super::frustum::{Frustum, never_hit};
 use super::light::is_dark;
@@ -8,29 +8,29 @@ use super::team::on_all_cores;
 use super::tiles::{Tiles, covered};
 use crate::kernels::{Element, PixelBounds, TILE_HEIGHT, TILE_WIDTH};
 
-/// The counts of a picture after the nearest objects of each tile have been found.
+/// The counts of a picture, taken after the nearest objects of each tile have been found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TileSurvey {
-    /// Tiles that no object's bounds meet.
+    /// The number of tiles that no object's bounds meet.
     pub empty: u64,
-    /// Objects of tiles, each counted in every tile that its bounds meet.
+    /// The number of candidates: an object counts once in every tile that its bounds meet.
     pub placed: u64,
-    /// Objects of tiles that need no set-up, since nearer ones hide them.
+    /// The number of candidates that need no set-up, since nearer objects hide them.
     pub occluded: u64,
-    /// Objects of tiles that are tested and nearest at no pixel.
+    /// The number of candidates that are tested and are nearest at no pixel.
     pub unseen: u64,
-    /// Spheres in the picture that have the short form in bytes.
+    /// The number of spheres in the picture that have the short form in bytes.
     pub short: u64,
-    /// Shadow tests, each of a point against an object that may hide a light. First the points that
-    /// face away from a light; then the tests of all others against all objects; and of these the
-    /// ones that were made.
+    /// Shadow tests, each of a point against an object that may hide a light. `averted` counts
+    /// points that face away from a light; `facing` the tests of all other points against all
+    /// objects; `asked` those of these tests that were made.
     pub averted: u64,
     pub facing: u64,
     pub asked: u64,
 }
 
 impl TileSurvey {
-    /// The sum for two parts of the picture.
+    /// The sum of the counts of two parts of the picture.
     pub fn and(self, other: Self) -> Self {
         TileSurvey {
             empty: self.empty + other.empty,
@@ -45,8 +45,8 @@ impl TileSurvey {
     }
 }
 
-/// The numbers of objects of a kind that each omission drops; the number of those kept, and the
-/// pixels within their bounds.
+/// For each omission how many objects of a kind it drops; then how many objects are kept, and how
+/// many pixels their bounds contain.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     left_out: [u64; Omission::ALL.len()],
@@ -71,8 +71,8 @@ impl Counts {
         Counts { kept: self.kept + other.kept, covered: self.covered + other.covered, ..self }
     }
 
-    /// Counts all objects: `unseen` says why one without pixels is dropped, `why` whether one with
-    /// some is.
+    /// Counts all objects. `unseen` gives the omission that drops an object without pixels; `why`
+    /// the one that drops an object with pixels, if any does.
     fn of<T>(
         count: usize,
         object: impl Fn(usize) -> T + Sync,
@@ -80,7 +80,7 @@ impl Counts {
         unseen: impl Fn(&T) -> Omission + Sync,
         why: impl Fn(&T) -> Option<Omission> + Sync,
     ) -> Self {
-        /// The number that a thread takes at a time.
+        /// How many objects a thread takes at a time.
         const TOGETHER: usize = 1 << 12;
         let add = |sum: Counts, i: usize| match covered(bounds.columns[i], bounds.rows[i]) {
             0 => sum.one(Some(unseen(&object(i))), 0),
@@ -91,7 +91,7 @@ impl Counts {
     }
 }
 
-/// What was counted of a scene that is traced in tiles.
+/// What has been counted of a scene that is traced in tiles.
 struct Tally {
     spheres: Counts,
     triangles: Counts,
@@ -102,14 +102,14 @@ struct Tally {
     dark: u64,
     /// The number of objects that hide no light.
     unhidden: u64,
-    /// The number of objects times that of tiles.
+    /// The number of objects times the number of tiles.
     in_all_tiles: u64,
     /// The number of pixels of the picture.
     pixels: u64,
 }
 
 impl Tally {
-    /// How much of an omission there is.
+    /// How much work of an omission is saved.
     fn left_out(&self, omission: Omission) -> u64 {
         let Tally { spheres, triangles, survey, bytes, pixels, .. } = *self;
         let both = spheres.and(triangles);
@@ -137,8 +137,8 @@ impl Tally {
 }
 
 impl Report {
-    /// The report on a scene that is traced in tiles; `survey` is that of the whole picture, and
-    /// `bytes` says whether the engine writes 8 bits.
+    /// The report on a scene that is traced in tiles. `survey` has the counts of the whole picture,
+    /// and `bytes` says whether the output has 8 bits.
     #[doc(hidden)]
     pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
         let (scene, keep) = (tiles.scene(), tiles.keep());

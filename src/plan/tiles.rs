@@ -1,11 +1,11 @@
-//! Tiles: a scene prepared for the tile kernels, with the bounds of each object and the tiles that
-//! it may be in.
+//! A scene prepared for the tile kernels: the bounds of each object, and the tiles that it may be
+//! in.
 //!
-//! All rays leave one point, so that the pixels that may see an object are known before the first
-//! ray: those in the bounds of a triangle's projected corners, or of a sphere's silhouette. The
-//! plan keeps only these bounds and the object's index, in the lists of the tiles that the bounds
-//! meet. Each tile sets up its objects from the scene when it is traced. docs/no-hit-is-lost.md has
-//! the argument why that finds every hit.
+//! All rays leave one point, so that the pixels in which an object may be visible are known before
+//! the first ray: those within the bounds of a triangle's projected corners, or of a sphere's
+//! silhouette. The plan only keeps these bounds and the object's index, in the lists of the tiles
+//! that the bounds meet. Each tile sets up its objects from the scene when it is traced.
+//! docs/no-hit-is-lost.md proves that this finds every hit.
 
 mod bins;
 pub(super) mod bounds;
@@ -34,71 +34,72 @@ use crate::kernels::{
 use crate::reference::geometry;
 use crate::scene::{Grid, MAX_SIDE, Scene, Sphere, Triangle};
 
-/// The error bound of an edge over a tile, in units of u (half of EPSILON of the tile's elements)
-/// times its terms. A term goes through four roundings at most, which `rayo ops --proofs` counts;
-/// the rest is a margin.
+/// The error bound of an edge over a tile, in units of u (half of EPSILON of the tile's element
+/// type) times its terms. A term goes through at most four roundings, which `rayo ops --proofs`
+/// counts; the rest is a margin.
 pub const EDGE_ROUNDINGS: f64 = 6.0;
 
-/// A triangle in more tiles than this is large: it is in a list that all tiles go through, and not
-/// in the list of each, where it would take 16 bytes, and 16 more while planning.
+/// A triangle in more tiles than this is large: it is in one list that all tiles go through, and
+/// not in the list of each tile, where it would take 16 bytes, and 16 more during planning.
 const MOST_TILES: usize = 11;
 
-/// In a scene of at most so many triangles, they may be in as many tiles as spheres before they are
-/// large: these lists take little memory.
+/// In a scene with at most this many triangles, they may be in as many tiles as spheres before they
+/// are large, since the lists take little memory.
 const FEW_TRIANGLES: usize = 1 << 12;
 const MOST_TILES_OF_FEW: usize = 64;
 
-/// This many triangles of a tile are traced at once, and those without a pixel are then dropped:
-/// the memory of a tile, beside its lists, does not grow with their number.
+/// This many triangles of a tile are traced at once; then those without a pixel are dropped. The
+/// memory of a tile, beside its lists, therefore does not grow with the number of triangles.
 const MOST_AT_ONCE: usize = 1 << 14;
 
-/// The same limit for spheres, of which scenes have fewer.
+/// A sphere in more tiles than this is large. Scenes have fewer spheres than triangles.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
 
-// Bounds have 16 bits.
+// Bounds are stored in 16 bits.
 const _: () = assert!(MAX_SIDE <= u16::MAX as u32);
 
-/// A scene planned for tiles.
+/// A scene that has been planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
     frame: Frame,
     keep: Keep,
-    /// The positions of the lights; those too far for f32 are moved nearer.
+    /// The positions of the lights for shading. Those that are too far away for f32 are moved
+    /// nearer.
     points: Vec<LightPosition<E>>,
-    /// The same lights, where they are and with their radiance, for the set-up of spheres.
+    /// The same lights for the set-up of spheres, at their true positions and with their radiance.
     sphere_lights: Vec<TileLight<f64>>,
     linear: Weighted,
     levels: Weighted,
     binned: Arc<Binned>,
     /// The shadows, if the scene has them.
     shadows: Option<Arc<Shadows<'a>>>,
-    /// The planes of both kinds of triangles in f64, if they are few: those of the kernels lose
-    /// digits in slivers.
+    /// The planes of both kinds of triangles, computed in f64, if there are few triangles: the
+    /// planes of the kernels lose digits in slivers.
     planes: Option<[Vec<ExactPlane>; 2]>,
 }
 
-/// The rays, scaled, and the unit of 1/t.
+/// The rays, scaled, and the unit in which 1/t is stored.
 #[derive(Clone, Copy)]
 struct Frame {
     /// The camera's grid, scaled by `unit`.
     grid: Grid<f64>,
     picture: Picture,
-    /// A power of two that makes the longest sides of the grid about 1.
+    /// A power of two by which the grid is scaled so that its longest sides are about 1.
     unit: f64,
-    /// The extent of the scene.
+    /// The extent of the scene; see [`extent`].
     extent: f64,
-    /// A power of two by which 1/t is multiplied, so that it is about 1 in the middle of the scene.
+    /// A power of two by which 1/t is multiplied so that it is about 1 in the middle of the scene.
     scale: f64,
 }
 
-/// The bins of all objects, which f32 and f64 share.
+/// The bins of all objects, which the plans for f32 and f64 share.
 struct Binned {
     of_spheres: Bins,
-    /// The bins of both kinds of triangles, whose indices begin at 0 in each.
+    /// The bins of both kinds of triangles; indices of either kind begin at 0.
     of_triangles: [Bins; 2],
-    /// The tiles that have an object whose numbers are beyond f32.
+    /// The tiles that have an object whose numbers f32 cannot hold.
     wide: WideTiles,
-    /// The extremes of all objects; None if there are none.
+    /// The extremes of all objects; None if there are no objects.
     extremes: Option<Extremes>,
 }
 
@@ -107,11 +108,11 @@ pub struct Weighted {
     /// The lights for triangles, whose radiance is multiplied by white.
     pub lights: Vec<TileLight<f64>>,
     pub spheres: SphereView<f64>,
-    /// Whether white is that of bytes: spheres may have the short form.
+    /// Whether white is 255, so that spheres may have the short form.
     pub bytes: bool,
 }
 
-/// An iterator over the objects that are in many tiles, from near to far.
+/// Goes through the objects that are in many tiles, from near to far.
 pub struct LargeObjects<'a> {
     bins: &'a Bins,
     in_row: &'a mut LargeInRow,
@@ -120,12 +121,12 @@ pub struct LargeObjects<'a> {
 }
 
 impl LargeObjects<'_> {
-    /// Whether all have been visited.
+    /// Whether all objects have been visited.
     pub fn are_through(&self) -> bool {
         !self.more
     }
 
-    /// Adds up to `count` of the next objects that may be visible in a tile, and may have a 1/t of
+    /// Adds up to `count` of the next objects that may be visible in a tile and may have a 1/t of
     /// at least `least` there.
     pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Candidate>) {
         let limits = (count.min(MOST_AT_ONCE), least);
@@ -133,12 +134,12 @@ impl LargeObjects<'_> {
     }
 }
 
-/// The plane of a triangle to the last bits of f64. Triangles that lie in one plane have the same
-/// `inverse` if their coordinates have few bits.
+/// The plane of a triangle, accurate to the last bits of f64. Triangles in the same plane have the
+/// same `inverse` if their coordinates have few bits.
 pub struct ExactPlane {
     /// The vector whose product with a ray is 1/t.
     inverse: DVec3,
-    /// Its unit normal divided by the scale.
+    /// The unit normal divided by the scale.
     normal: DVec3,
     corner: DVec3,
 }
@@ -151,7 +152,7 @@ impl ExactPlane {
         ExactPlane { inverse, normal: n.normalize_or_zero() / scale, corner: geometry::near_corner_first(corners)[0] }
     }
 
-    /// 1/t in the middle of a tile, and its increments for a column and a row.
+    /// 1/t in the middle of a tile, and its increments per column and per row.
     pub fn inverse(&self, view: &TileView<f64>) -> [f64; 3] {
         let DVec3 { x, y, .. } = self.inverse;
         [self.inverse.dot(DVec3::new(view.dx, view.dy, view.dz)), x * view.step, y * view.down]
@@ -177,13 +178,14 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
-/// The greatest distance at which elements E hold a light; those further away are moved to it.
+/// The greatest distance at which the element type E can hold a light; lights farther away are
+/// moved to it.
 fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
 }
 
 impl Binned {
-    /// Plans for kernels in f32, or for those in f64.
+    /// Plans for kernels in f32 (`in_f32`) or in f64.
     fn new(
         scene: &Scene,
         &Frame { grid, picture, extent, scale, .. }: &Frame,
@@ -249,7 +251,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         Self::of(scene, frame, options.keep, Arc::new(binned), shadows)
     }
 
-    /// The plan for kernels in f64, of the same scene and rays.
+    /// The plan for kernels in f64, for the same scene and rays.
     pub fn in_f64(&self, kernels: &PacketKernels, options: PlanOptions<'_>) -> Tiles<'a, f64> {
         let &Tiles { scene, frame, keep, ref binned, ref shadows, .. } = self;
         let binned = if keep == Keep::NOTHING {
@@ -303,12 +305,13 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// Whether planning has shown that the scene's objects are valid. If not, they may still be.
+    /// Whether planning has shown that the numbers of the scene's objects are valid. If not, they
+    /// may be valid all the same.
     pub fn is_valid(&self) -> bool {
         let valid = |extremes: Extremes| {
             let Extremes { most, least, brightest, .. } = extremes;
             // The kernels compare bits, by which -0 and negative numbers are above all others. If
-            // one was found, nothing is known of the rest.
+            // there is such a number, nothing is known of the other ones.
             let fine = |most: f32| most.is_sign_positive() && most.is_finite();
             fine(most) && least > 0.0 && fine(brightest)
         };
@@ -316,7 +319,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// A lower bound of 1/t at all pixels of a tile, if the nearest of the large triangles covers
-    /// it; otherwise 0.
+    /// the tile; otherwise 0.
     pub fn least_of_large(&self, tile: TilePlace) -> f32 {
         let Frame { grid, scale, picture, .. } = self.frame;
         let of_kinds = self.binned.of_triangles.iter().zip(self.triangle_lists());
@@ -326,12 +329,12 @@ impl<'a, E: Element> Tiles<'a, E> {
         })
     }
 
-    /// Whether any tile has an object whose numbers are beyond f32.
+    /// Whether any tile has an object whose numbers f32 cannot hold.
     pub fn any_wide(&self) -> bool {
         !self.binned.wide.is_empty()
     }
 
-    /// Whether a tile has such an object, and so is traced wholly in f64.
+    /// Whether a tile has an object whose numbers f32 cannot hold. All of it is then traced in f64.
     pub fn is_wide(&self, tile: TilePlace) -> bool {
         self.binned.wide.has(tile)
     }
@@ -340,18 +343,18 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.scene
     }
 
-    /// Pixels in a row, and rows.
+    /// The number of pixels in a row, and of rows.
     pub fn size(&self) -> [u32; 2] {
         [self.frame.picture.width, self.frame.picture.height]
     }
 
-    /// All triangles: those that have their own corners, and those that share them.
+    /// All triangles: those with corners of their own, and those that share corners.
     pub fn triangle_lists(&self) -> [TriangleList<'_>; 2] {
         triangle_lists(self.scene)
     }
 
-    /// The plan's planes of one kind of triangles, if it has them because those of set-up are not
-    /// accurate enough.
+    /// The planes of one kind of triangles in f64, if the plan has them because those of the
+    /// kernels are not accurate enough.
     pub fn planes(&self, kind: usize) -> Option<&[ExactPlane]> {
         self.planes.as_ref().map(|planes| &planes[kind][..])
     }
@@ -360,7 +363,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         &self.scene.spheres
     }
 
-    /// The spheres that are candidates of some tile, each once.
+    /// The spheres that are candidates in some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Candidate> {
         let mut candidates: Vec<_> = self.binned.of_spheres.listed().collect();
         candidates.sort_unstable_by_key(|candidate| candidate.id);
@@ -407,25 +410,25 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.shadows.as_deref()
     }
 
-    /// The rays, to find visible points.
+    /// The rays, as the kernel that finds visible points takes them.
     pub fn point_view(&self) -> PointView<f64> {
         let Grid { step, half_width, half_height, focal } = self.frame.grid;
         PointView { step, half_width, half_height, focal }
     }
 
-    /// The omissions that are not made.
+    /// The omissions that are switched off.
     pub fn keep(&self) -> Keep {
         self.keep
     }
 
-    /// The number of large objects, and of entries in bins.
+    /// The number of large objects, and the number of entries in bins.
     pub fn counts(&self) -> [usize; 2] {
         let Binned { of_spheres, of_triangles: [triangles, faces], .. } = &*self.binned;
         let of = [of_spheres, triangles, faces].map(Bins::counts);
         [0, 1].map(|kind| of.iter().map(|counts| counts[kind]).sum())
     }
 
-    /// The number of a tile's candidates.
+    /// The number of candidates in a tile.
     pub fn count_in(&self, &TileWindow { column, row, .. }: &TileWindow) -> usize {
         let tile = TilePlace { across: column / TILE_WIDTH as u32, down: row / TILE_HEIGHT as u32 };
         let [triangles, faces] = &self.binned.of_triangles;
@@ -440,8 +443,8 @@ impl<'a, E: Element> Tiles<'a, E> {
         large.len() + in_few.iter().sum::<usize>()
     }
 
-    /// The record of a sphere around the camera or beside it, for its kernel; None for one in
-    /// front.
+    /// The record of a sphere that contains the camera or is beside it, for the kernel of such
+    /// spheres. None for a sphere in front of the camera.
     pub fn around(&self, sphere: &Sphere) -> Option<AroundSphere<f64>> {
         if forms::is_quadratic(sphere) {
             return None;
@@ -490,37 +493,38 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.frame.picture.tiles()
     }
 
-    /// A power of two: a tile stores this / t, along the rays of [`Tiles::ray`].
+    /// A power of two, the factor by which tiles store 1/t, where t belongs to the rays of
+    /// [`Tiles::ray`].
     pub fn scale(&self) -> f64 {
         self.frame.scale
     }
 
-    /// As [`scale`](Self::scale), for t along the camera's rays.
+    /// As [`scale`](Self::scale), where t belongs to the camera's own rays.
     pub fn inverse_unit(&self) -> f64 {
         self.frame.scale * self.frame.unit
     }
 
-    /// The ray through a pixel: the camera's, times a power of two.
+    /// The ray through a pixel: the camera's ray times a power of two.
     pub fn ray(&self, row: u32, column: u32) -> DVec3 {
         self.frame.grid.ray(row, column).into()
     }
 
-    /// The grid of these rays.
+    /// The grid of the rays of [`Tiles::ray`].
     pub fn grid(&self) -> TileGrid {
         let Grid { step, half_width, half_height, focal } = self.frame.grid;
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// Adds the spheres that are candidates of a tile, except large ones.
+    /// Adds the spheres that are candidates in a tile, except large ones.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Candidate>) {
         let bins = &self.binned.of_spheres;
         bins.of_tile(tile).for_each(|candidates| spheres.extend_from_slice(candidates));
     }
 
-    /// Calls `say` with the candidates of a tile that are triangles of one of the
+    /// Calls `say` with the candidates in a tile that are triangles of one of the
     /// [kinds](Tiles::triangle_lists), at most `MOST_AT_ONCE` at a time. They are copied to `room`
-    /// unless they are in one list. Those that are in `room` already come first; other large ones
-    /// are not included.
+    /// unless they are in a single list. Candidates that `room` already has come first; other large
+    /// triangles are not included.
     pub fn triangles_in(
         &self,
         kind: usize,
@@ -549,7 +553,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// The large objects: spheres, then triangles of both [kinds](Tiles::triangle_lists).
+    /// The large objects: spheres, and triangles of both [kinds](Tiles::triangle_lists).
     pub fn large<'b>(&'b self, in_row: &'b mut [LargeInRow; 3]) -> [LargeObjects<'b>; 3] {
         let [triangles, faces] = &self.binned.of_triangles;
         let [first, second, third] = in_row;
@@ -567,13 +571,13 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2)
     }
 
-    /// A tile's rays, for set-up.
+    /// The rays of a tile, as set-up takes them.
     pub fn view(&self, tile: TilePlace) -> TileView<f64> {
         let DVec3 { x: dx, y: dy, z: dz } = self.middle_ray(tile);
         let Grid { step, half_width, half_height, focal } = self.frame.grid;
-        // The error bound of an edge has two parts: `relative`, for roundings in the tile's
-        // elements, of the terms from the tile's middle on; and `exact`, for roundings in f64, in
-        // set-up and in the reference, of the terms of the longest d.
+        // The error bound of an edge has two parts. `relative` is for roundings in the tile's
+        // element type, of terms relative to the tile's middle. `exact` is for roundings in f64, in
+        // set-up and in the reference, of the terms of the longest ray d.
         let unit = if size_of::<E>() == 4 { f64::from(f32::EPSILON) } else { f64::EPSILON };
         let (relative, exact) = (EDGE_ROUNDINGS * unit / 2.0, 16.0 * f64::EPSILON);
         let half = (TILE_WIDTH / 2) as f64;
@@ -591,7 +595,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// A tile's rays, for shading.
+    /// The rays of a tile, as shading takes them.
     pub fn rays(&self, tile: TilePlace) -> TileRays<E> {
         let DVec3 { x: dx, y: dy, z: dz } = self.middle_ray(tile);
         let step = self.frame.grid.step;
@@ -603,31 +607,31 @@ fn triangle_lists(scene: &Scene) -> [TriangleList<'_>; 2] {
     [TriangleList::Apart(&scene.triangles), TriangleList::Joined((&scene.faces).into())]
 }
 
-/// The size of a scene: the median of the coordinates of a sample, so that a sun or a grain of dust
-/// does not make the numbers of all other objects large or small.
+/// The size of a scene: the median of the coordinates of a sample of objects, so that a sun or a
+/// grain of dust does not make the numbers of all other objects small or large.
 fn extent(scene: &Scene) -> f64 {
     let (count, spheres) = (scene.triangle_count(), scene.spheres.len());
-    // Sizes as bits, which are ordered as non-negative numbers are.
+    // Sizes as bits, whose order is that of non-negative numbers.
     let mut sizes = Vec::new();
     let mut add = |v: Vec3| {
         let size = v.to_array().map(|x| x.abs().to_bits()).into_iter().fold(0, u32::max);
         sizes.extend((size > 0 && size < f32::INFINITY.to_bits()).then_some(size));
     };
     (0..count).step_by(count / 1024 + 1).for_each(|i| scene.triangle(i).vertices.into_iter().for_each(&mut add));
-    // A sphere around the camera has no centre to go by: it reaches as far as its radius.
+    // A sphere around the camera with its centre at 0 counts with its radius.
     let reach = |sphere: &Sphere| if sphere.centre == Vec3::ZERO { Vec3::splat(sphere.radius) } else { sphere.centre };
     scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(reach(sphere)));
     let middle = sizes.len() / 2;
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
-/// A point, moved along its direction to a distance of at most `far`.
+/// A point, moved along its direction to at most the distance `far`.
 fn nearer(point: DVec3, far: f64) -> DVec3 {
     let distance = point.length();
     if distance > far { point * (far / distance) } else { point }
 }
 
-/// The bounds of this many objects, empty for those that are no candidates.
+/// The bounds of `objects` objects; empty for objects that are no candidates.
 fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };

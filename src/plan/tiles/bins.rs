@@ -6,52 +6,57 @@ use std::ops::Range;
 use super::place::{Picture, TilePlace, range, tile_range};
 use crate::kernels::{Candidate, TILE_HEIGHT, TILE_WIDTH, sys};
 
-/// Up to this many spheres are sorted by distance: the nearer ones of a tile then come first, and
-/// most blocks of pixels reject the others before their roots. Sorting more costs more than it
-/// gains.
+/// Up to this many spheres are sorted by distance. The nearer ones of a tile then come first, and
+/// most blocks of pixels reject the others before computing their roots. Sorting more costs more
+/// than it gains.
 pub(super) const MOST_SORTED: usize = 1 << 11;
 
-/// A block that is made ahead has room for at most this many objects, 16 MiB.
+/// The number of entries for which a block reserves room in advance, which take 16 MiB.
 const MOST_IN_BLOCK: usize = 1 << 20;
 
-/// For each tile the objects that may be visible in it. They are in as many lists as the scene has
+/// For each tile the objects that may be visible in it. A tile has as many lists as the scene has
 /// pieces, since a piece is added as a whole.
 #[derive(Default)]
 pub(super) struct Bins {
     picture: Picture,
-    /// An object in more tiles is large; if None, all objects are, and in all tiles.
+    /// An object in more tiles than this is large. None: all objects are large, and are in all
+    /// tiles.
     most_tiles: Option<usize>,
     pieces: Vec<Piece>,
-    /// The memory of the lists. A block has those of several pieces, and may have room for more.
+    /// The memory of the lists. A block has the lists of several pieces, and may have room for
+    /// more.
     blocks: Vec<Vec<Candidate>>,
-    /// The objects in many tiles, except those that are tall.
+    /// The large objects, except those that are tall.
     large: Vec<Large>,
     tall: Tall,
-    /// Memory for the runs of a piece.
+    /// Scratch memory for the runs of a piece.
     runs: Vec<Run>,
 }
 
-/// Those objects in many tiles that are in few columns of tiles: the tiles of its columns look at
-/// each. All tiles of its rows look at any other one in many tiles.
+/// The large objects that are in few columns of tiles. They are looked at by the tiles of their
+/// columns alone; any other large object is looked at by all tiles of its rows.
 #[derive(Default)]
 struct Tall {
     objects: Vec<Large>,
-    /// For each column of tiles the indices of those in it; none if there are no tall objects.
+    /// For each column of tiles the indices of the tall objects in it; empty if there are no tall
+    /// objects.
     in_column: Vec<Vec<u32>>,
 }
 
 impl Tall {
-    /// An object in more columns of tiles is not tall: it takes memory in the lists of each.
+    /// An object in more columns of tiles is not tall, since it would take memory in the list of
+    /// each.
     const MOST_COLUMNS: usize = 4;
 
-    /// Whether an object is: its columns have fewer tiles than its rows.
+    /// Whether an object is tall: the columns of tiles that it is in have fewer tiles than its rows
+    /// have.
     fn is_tall(candidate: &Candidate, picture: Picture) -> bool {
         let TileRanges { columns, rows } = TileRanges::of(candidate);
         let [across, down] = picture.tiles().map(|tiles| tiles as usize);
         columns.len() <= Self::MOST_COLUMNS && columns.len() * down < rows.len() * across
     }
 
-    /// With these objects, which are sorted.
+    /// The lists for these objects, which are sorted by distance.
     fn new(objects: Vec<Large>, picture: Picture) -> Self {
         let [across, _] = picture.tiles();
         let mut in_column = vec![Vec::new(); if objects.is_empty() { 0 } else { across as usize }];
@@ -64,32 +69,32 @@ impl Tall {
     }
 }
 
-/// The progress of a tile through the objects in many tiles: the next one of those of its row, and
-/// of the tall ones of its column.
+/// How far a tile has gone through the large objects: the next one among those of its row, and the
+/// next one among the tall ones of its column.
 #[derive(Clone, Copy, Default)]
 pub(super) struct NextLarge {
     in_row: usize,
     in_column: usize,
 }
 
-/// An object in many tiles.
+/// A large object: one that is in many tiles.
 #[derive(Clone, Copy)]
 struct Large {
     candidate: Candidate,
-    /// The upper bound of its 1/t at a pixel: a constant, and the coefficients of the column and
-    /// the row.
+    /// The upper bound of its 1/t at a pixel: a constant, and the coefficients of column and row.
     most: [f32; 3],
 }
 
 impl Large {
-    /// Its rank: the nearest come first. Distances are not negative, and so ordered by their bits.
+    /// The sort key: the nearest objects come first. Distances are not negative, so that their bits
+    /// have their order.
     fn rank(&self) -> (Reverse<u32>, u32) {
         (Reverse(self.candidate.most.to_bits()), self.candidate.id)
     }
 }
 
-/// Those large objects, except the tall ones, whose bounds meet one row of tiles, the nearest
-/// first. It is filled as far as some tile of the row has needed, so that the next tile does not go
+/// The large objects, except the tall ones, whose bounds meet one row of tiles, the nearest first.
+/// The list is made as far as some tile of the row has needed it, so that the next tile does not go
 /// through all large objects of the picture again.
 #[derive(Default)]
 pub struct LargeInRow {
@@ -118,13 +123,13 @@ impl Run {
     }
 }
 
-/// Where the lists of a piece of the scene are.
+/// Where the lists of one piece of the scene are stored.
 struct Piece {
-    /// Its index in the scene.
+    /// The index of the piece in the scene.
     number: usize,
     block: usize,
-    /// For each tile the index in the block at which its list begins; and last, where the list of
-    /// the last tile ends.
+    /// For each tile the index in the block at which its list begins; and at the end, where the
+    /// list of the last tile ends.
     starts: Vec<u32>,
 }
 
@@ -144,13 +149,15 @@ impl Bins {
         (across * down) as usize
     }
 
-    /// Adds the candidates of piece `number` of the scene, after which about `pieces_left` like it
-    /// will come. A few stay in their order, as sorted spheres must; of many the lists begin with
-    /// those that are in no other tile.
+    /// Adds the candidates of piece `number` of the scene, after which about `pieces_left` pieces
+    /// of this size will follow. If there are few candidates they stay in their order, as sorted
+    /// spheres must. If there are many, each list begins with the candidates that are in no other
+    /// tile.
     pub(super) fn add(&mut self, number: usize, candidates: &[Candidate], pieces_left: f64) {
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
-        // First the number of objects of each tile, and then where its list begins.
+        // At first this is the number of objects in each tile; later it is where the tile's list
+        // begins.
         let mut starts = vec![0_u32; self.tiles() + 1];
         let in_order = candidates.len() <= MOST_SORTED || self.most_tiles.is_none();
         let (in_one, in_more) = runs_of(candidates, across, in_order, &mut self.runs);
@@ -200,7 +207,7 @@ impl Bins {
         self.pieces.push(Piece { number, block, starts });
     }
 
-    /// Adds the pieces of other bins, and sorts all by their order in the scene.
+    /// Adds the pieces of other bins, and sorts all pieces by their order in the scene.
     pub(super) fn and(mut self, other: Self) -> Self {
         let blocks = self.blocks.len();
         self.pieces.extend(other.pieces.into_iter().map(|piece| Piece { block: blocks + piece.block, ..piece }));
@@ -211,7 +218,7 @@ impl Bins {
     }
 
     /// Sorts the large objects by distance, after all pieces have been added. `most` gives the
-    /// coefficients of [`Large::most`] by an object's index, or None to keep the constant one.
+    /// coefficients for [`Large::most`] by an object's index, or None to keep the constant bound.
     pub(super) fn sort(&mut self, most: impl Fn(u32) -> Option<[f32; 3]>) {
         for large in &mut self.large {
             large.most = most(large.candidate.id).unwrap_or(large.most);
@@ -224,27 +231,27 @@ impl Bins {
         }
     }
 
-    /// The entries of all lists: an object is there once for each tile that has it, or once if it
-    /// is large.
+    /// The entries of all lists. An object has an entry for each tile that it is in; a large one
+    /// has one entry.
     pub(super) fn listed(&self) -> impl Iterator<Item = &Candidate> {
         let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
         lists.chain(self.all_large().map(|large| &large.candidate))
     }
 
-    /// The lists of a tile, one for each piece. Large objects are not among them.
+    /// The lists of a tile, one for each piece, without large objects.
     pub(super) fn of_tile(&self, tile: TilePlace) -> impl Iterator<Item = &[Candidate]> {
         let index = (tile.down * self.picture.width.div_ceil(TILE_WIDTH as u32) + tile.across) as usize;
         self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
 
-    /// The large objects.
+    /// All large objects, tall ones included.
     fn all_large(&self) -> impl Iterator<Item = &Large> {
         self.large.iter().chain(&self.tall.objects)
     }
 
     /// Adds up to `count` large objects that may be visible in a tile, from the nearest on. It
-    /// begins with the `next` ones, and advances them; and it ends at the first object whose 1/t is
-    /// below `least` everywhere. Returns whether there may be more.
+    /// begins at `next`, which it advances, and ends at the first object whose 1/t is below `least`
+    /// everywhere. Returns whether there may be more.
     pub(super) fn add_large(
         &self,
         tile: TilePlace,
@@ -271,8 +278,8 @@ impl Bins {
             let columns = range(candidate.columns);
             let is_in = columns.start < column + TILE_WIDTH as u32 && column < columns.end;
             let here = most + across * x + down * y + across.abs() * half_width + down.abs() * half_height;
-            // Where a tile reaches beyond the picture, the sum may leave the range of f32, and is
-            // no bound then.
+            // Where a tile extends beyond the picture, the sum may be beyond f32, and is then no
+            // bound.
             if here.is_finite() && here < candidate.most {
                 candidate.most = if here > 0.0 { here } else { 0.0 };
             }
@@ -283,7 +290,7 @@ impl Bins {
         false
     }
 
-    /// The nearest one of the next large objects, and whether it is tall.
+    /// The nearest of the next large objects of the row and of the column, and whether it is tall.
     #[inline]
     fn next_large(&self, tile: TilePlace, in_row: &mut LargeInRow, next: &mut NextLarge) -> Option<(Large, bool)> {
         let in_row = self.next_in_row(tile, in_row, next.in_row);
@@ -294,8 +301,8 @@ impl Bins {
         }
     }
 
-    /// The next tall object of a tile's column that meets its row, from index `next` on, which is
-    /// advanced to it.
+    /// The next tall object of a tile's column that meets the tile's row, from index `next` on,
+    /// which is advanced to it.
     #[inline]
     fn next_in_column(&self, tile: TilePlace, next: &mut usize) -> Option<Large> {
         let in_column = self.tall.in_column.get(tile.across as usize)?;
@@ -310,7 +317,7 @@ impl Bins {
         }
     }
 
-    /// The large object at index `next` of those that meet a tile's row.
+    /// The large object at index `next` among those that meet a tile's row.
     fn next_in_row(&self, tile: TilePlace, in_row: &mut LargeInRow, next: usize) -> Option<Large> {
         if in_row.down != tile.down {
             in_row.objects.clear();
@@ -341,22 +348,22 @@ impl Bins {
 }
 
 impl Piece {
-    /// The lists of some tiles.
+    /// The lists of a range of tiles.
     fn of<'a>(&self, tiles: Range<usize>, blocks: &'a [Vec<Candidate>]) -> &'a [Candidate] {
         &blocks[self.block][self.starts[tiles.start] as usize..self.starts[tiles.end] as usize]
     }
 }
 
-/// The tiles that have an object whose numbers are beyond f32.
+/// The tiles that have an object whose numbers f32 cannot hold.
 #[derive(Default)]
 pub(super) struct WideTiles {
     picture: Picture,
-    /// Whether each tile is one of them, row by row; empty if none is.
+    /// For each tile, row by row, whether it has such an object; empty if no tile has.
     are_wide: Vec<bool>,
 }
 
 impl WideTiles {
-    /// None of a picture's.
+    /// An empty set of the tiles of a picture.
     pub(super) fn none_of(picture: Picture) -> Self {
         WideTiles { picture, are_wide: Vec::new() }
     }
@@ -385,7 +392,7 @@ impl WideTiles {
         }
     }
 
-    /// These and others of the same picture.
+    /// The union of two sets of tiles of the same picture.
     pub(super) fn and(mut self, others: WideTiles) -> Self {
         if self.is_empty() {
             return others;
@@ -395,14 +402,14 @@ impl WideTiles {
     }
 }
 
-/// The columns and rows of tiles that bounds meet.
+/// The columns and rows of the tiles that an object's bounds meet.
 struct TileRanges {
     columns: Range<u32>,
     rows: Range<u32>,
 }
 
 impl TileRanges {
-    /// The tiles of an object whose bounds are not empty.
+    /// The tiles that an object may be in, whose bounds are not empty.
     fn of(candidate: &Candidate) -> Self {
         let columns = tile_range(range(candidate.columns), TILE_WIDTH);
         TileRanges { columns, rows: tile_range(range(candidate.rows), TILE_HEIGHT) }
@@ -412,10 +419,10 @@ impl TileRanges {
         self.columns.len() * self.rows.len()
     }
 
-    /// Calls `say` with the index of each, where a row has `across` tiles.
+    /// Calls `say` with the index of each tile; a row has `across` tiles.
     fn each(&self, across: u32, mut say: impl FnMut(usize)) {
         let place = |row: u32, column: u32| (row * across + column) as usize;
-        // Most objects in more than one tile are in two, which need no loop.
+        // Most objects that are in more than one tile are in two, for which no loop is needed.
         if self.count() == 2 {
             say(place(self.rows.start, self.columns.start));
             return say(place(self.rows.end - 1, self.columns.end - 1));
@@ -426,12 +433,12 @@ impl TileRanges {
     }
 }
 
-/// Counts the objects of each tile by differences. An object whose bounds meet any number of tiles
-/// changes only four numbers, at the corners of its rectangle; sums across and down then give the
-/// counts.
+/// Counts the objects in each tile by differences. An object changes only four numbers, at the
+/// corners of the rectangle of tiles that its bounds meet; prefix sums across and down then give
+/// the counts.
 struct Corners {
     across: usize,
-    /// By tile, row by row, with one column and one row beyond the last.
+    /// For each tile, row by row, the change of the count, with one more column and row at the end.
     changes: Vec<u32>,
 }
 
@@ -467,8 +474,8 @@ impl Corners {
     }
 }
 
-/// Copies a run to the end of a tile's list: entry by entry, since a copy of variable length is a
-/// function call.
+/// Copies a run to the end of a tile's list. It copies entry by entry, since a copy of variable
+/// length is a function call.
 fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
     for candidate in run {
         lists[*next as usize] = *candidate;
@@ -476,18 +483,18 @@ fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
     }
 }
 
-/// Divides objects, none of which has empty bounds, into runs: those of objects that are in one
-/// tile, and the others. Both are kept in `room`. With `in_order` all runs are among the others,
-/// which keep their order. Each run is written to both ends of `room`, since a branch between the
-/// two would be mispredicted.
+/// Divides objects, none of which has empty bounds, into runs. Returns the runs of objects in a
+/// single tile, and the others; both are stored in `room`. If `in_order`, all runs are among the
+/// others, which keep their order. Each run is written to both ends of `room`, since a branch
+/// between the two would be mispredicted.
 fn runs_of<'a>(
     candidates: &[Candidate],
     across: u32,
     in_order: bool,
     room: &'a mut Vec<Run>,
 ) -> (&'a [Run], impl Iterator<Item = &'a Run> + Clone) {
-    // What `places` makes of bounds: the first and the last column and row, of which only the bits
-    // are kept that differ between tiles.
+    // `places` computes the first and the last column and row of bounds, and keeps only the bits
+    // that differ between tiles.
     const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
     const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
     const FIRST: u64 = 0x0000_ffff_0000_ffff;
@@ -496,7 +503,7 @@ fn runs_of<'a>(
     };
     room.resize(room.len().max(candidates.len()), Run::default());
     let runs = &mut room[..candidates.len()];
-    // The ends of the two lists: one grows from the front, the other from the back.
+    // The ends of the two lists: the first grows from the front, the second from the back.
     let (mut in_one, mut in_more) = (0, runs.len());
     let mut start = 0;
     for run in candidates.chunk_by(|a, b| places(a) == places(b)) {
@@ -513,7 +520,7 @@ fn runs_of<'a>(
     (&runs[..in_one], runs[in_more..].iter().rev())
 }
 
-/// A mask of the bits that tell tiles apart, in the numbers of the first and of the last pixel.
+/// A mask of the bits, in the numbers of the first and of the last pixel, in which tiles differ.
 const fn tile_bits(side: usize) -> u64 {
     let of_one = 0x1_0000 - side as u64;
     of_one << 16 | of_one

@@ -1,7 +1,7 @@
 //! The number format in which the tile kernels can trace an object: f32, or f64.
 //!
 //! Kernels compare w = 1/t in units of the scene's `scale`. Results in f32 are as accurate as
-//! documented if:
+//! documented under these conditions:
 //!
 //! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its
 //!   outline, an ellipse with the half-axes a = f sqrt k / m, away from the picture's axis, and
@@ -13,10 +13,10 @@
 //!   angle between the picture's axis and the sphere's ray nearest to it: at most [`OUTLINE`].
 //!   Beyond it f64 would lose digits too, and the sphere is found pixel by pixel, like one around
 //!   the camera: see [`is_quadratic`].
-//! - **squares are numbers.** The largest is that of w l, at the nearest point and for the farthest
+//! - **squares are finite.** The largest is that of w l, at the nearest point and for the farthest
 //!   light: w l stays below [`MOST`]. A triangle's w over a whole tile, and a sphere's D, stay
 //!   below [`MOST_OVER_A_TILE`].
-//! - **nothing is denormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a
+//! - **nothing is subnormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a
 //!   pixel's step times scale over k radii: that product is at least [`LEAST`].
 //! - **lights keep their directions.** Those moved nearer, to [`FAR`], are still 2^26 times as far
 //!   away as the object: w is at least [`LEAST_INVERSE`].
@@ -40,9 +40,11 @@ use crate::reference::geometry;
 use crate::scene::{Grid, Light, Sphere, Triangle};
 
 const OUTLINE: f64 = 4.0;
-/// See above, and `proofs/inverse-apart.g`.
+/// The largest error of w in units of u w; see the fifth condition above, and
+/// `proofs/inverse-apart.g`.
 pub const STEEPEST: f64 = 16.0;
-/// What w itself, and its greatest changes across and down a tile, contribute to its error, in u.
+/// How many u of its magnitude w itself, and its greatest changes across and down a tile,
+/// contribute to the error of w.
 pub const INVERSE_ROUNDINGS: [f64; 3] = [3.0, 4.0, 5.0];
 pub(super) const LONG: usize = 32;
 const MOST: f64 = (1u64 << 60) as f64;
@@ -50,93 +52,96 @@ const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
 const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
 const LEAST_INVERSE: f64 = 1.0 / (1u64 << 14) as f64;
 
-/// In units of the scene's extent, the least radius of spheres that are certainly narrow: scale /
+/// The least radius, in units of the scene's extent, of spheres that are certainly narrow: scale /
 /// (k radius) is then at most [`MOST`], for any usual focal distance.
 const LEAST_RADIUS: f64 = 1.0 / (1u64 << 38) as f64;
 
-/// A sphere whose centre is nearer to the camera's plane than this many radii is seen from inside
-/// or reaches behind the plane, or nearly so: PACKET(front).
+/// A sphere whose centre is nearer to the camera's plane than this many radii contains the camera
+/// or reaches behind the plane, or nearly so. The kernels have this constant as PACKET(front).
 const FRONT: f64 = 1.001;
 
-/// Up to this many radii away, f32 holds the normal of a sphere beside the camera, from its point
-/// relative to the camera.
+/// Up to this distance in radii, f32 can compute the normal of a sphere beside the camera from its
+/// point relative to the camera.
 const FARTHEST_AROUND: f64 = 64.0;
 
-/// If a light is nearer to a point than this share of the point's distance from the camera, f32 has
-/// no direction to it, and any colour is right there.
+/// If a light is nearer to a point than this share of the point's distance from the camera, f32
+/// cannot represent its direction, and any colour is right there.
 const AT_THE_SURFACE: f64 = 1e-4;
 
-/// Where a light is so many times as bright as white, black at its terminator and white beside it
-/// are both right.
+/// If a light is this many times as bright as white, both black at its terminator and white beside
+/// it are right.
 const DAZZLING: f64 = 1.0 / AT_THE_SURFACE;
 
-/// The greatest [`LightLoss`] in f32: 255 levels times 4 u times this is below one level.
+/// The greatest [`LightLoss`] in f32: 255 levels times 4 u times this is less than one level.
 const MOST_LOSS: f64 = (1u64 << 14) as f64;
 
-/// For light that is at most so bright, f32 loses no more than [`MOST_LOSS`] relative to the
-/// camera, wherever it is.
+/// For light that is at most this bright, f32 loses no more than [`MOST_LOSS`] in coordinates
+/// relative to the camera, wherever the light is.
 const NEVER_LOST: f64 = MOST_LOSS * AT_THE_SURFACE;
 
-/// A sphere whose centre is farther than this many radii, squared, loses less relative to its
-/// centre than to the camera.
+/// The squared distance in radii beyond which a sphere loses less in coordinates relative to its
+/// centre than in coordinates relative to the camera.
 const FARTHEST_FROM_CAMERA: f64 = 5.0;
 
-/// The greatest distance of lights whose square f32 holds: in units of the scene's extent, and in
-/// radii of a sphere.
+/// The greatest distance of lights whose square f32 can hold: in units of the scene's extent, and
+/// in radii of a sphere.
 pub(super) const FAR: f64 = (1u64 << 40) as f64;
 pub(super) const FAR_IN_RADII: f64 = (1u64 << 36) as f64;
 
-/// Whether D of a sphere may be a quadratic over the pixels: all of the sphere is in front of the
-/// camera, by [`FRONT`], and the quadratic keeps its digits, by [`OUTLINE`]. Other spheres, around
-/// the camera or beside it, have a kernel of their own.
+/// Whether the discriminant D of a sphere may be a quadratic over the pixels: the whole sphere is
+/// in front of the camera, by [`FRONT`], and the quadratic keeps its digits, by [`OUTLINE`]. Other
+/// spheres contain the camera or are beside it, and have a kernel of their own.
 pub(super) fn is_quadratic(sphere: &Sphere) -> bool {
     let c = sphere.centre.as_dvec3() / f64::from(sphere.radius);
     c.z >= FRONT && c.dot(c) < f64::INFINITY && keeps_digits(c)
 }
 
-/// Whether D of a sphere in front of the camera, with its centre at `c` in radii, keeps its digits.
+/// Whether the discriminant D of a sphere in front of the camera, with the centre `c` in radii,
+/// keeps its digits.
 fn keeps_digits(c: DVec3) -> bool {
     let power = c.dot(c);
     let (k, m) = (power - 1.0, c.z * c.z - 1.0);
     if k <= 2.0 * m {
-        // Nearly every sphere: the left side below is at most 2 m (m + 2 m / 4).
+        // This holds for nearly every sphere: the left side below is then at most 2 m (m + 2 m /
+        // 4).
         return true;
     }
     let beside = c.x.hypot(c.y);
     // The cosine of the angle between the picture's axis and the sphere's ray nearest to it.
     let inmost = if beside * k.sqrt() <= c.z { 1.0 } else { (c.z * k.sqrt() + beside) / power };
-    // (sin p cos p)^2; on the axis, where the outline is a circle, it has no effect.
+    // (sin p cos p)^2. It has no effect on the axis, where the outline is a circle.
     let slant = if beside > 0.0 { (c.x / beside * (c.y / beside)).powi(2) } else { 0.0 };
     k * inmost * inmost * (m + slant * k) <= OUTLINE * m * m
 }
 
-/// How much of the light on a sphere is lost where a light is near its surface, in units of 4 u of
-/// white.
+/// How much light on a sphere is lost to rounding where a light is near its surface, in units of 4
+/// u of white.
 ///
-/// A cosine is N . (l - P) / |l - P|. What f32 makes of l and P is off by up to u times their
-/// distance from the origin of their coordinates, twice each, and so is N . (l - P): the cosine is
-/// off by 4 u times that distance over |l - P|. At a visible point |l - P| is at least h, the
-/// light's distance from the surface, and at least [`AT_THE_SURFACE`] times |P| where a colour is
-/// promised, |P| being |l| there. Light that is w times white loses w times as much; what is
+/// A cosine is N . (l - P) / |l - P|. In f32, l and P each have an error of up to twice u times
+/// their distance from the origin of their coordinates, and so the cosine has an error of 4 u times
+/// that distance over |l - P|. At a visible point |l - P| is at least h, the light's distance from
+/// the surface, and at least [`AT_THE_SURFACE`] times |P| where a colour is promised; |P| is about
+/// |l| there. Light that is w times as bright as white loses w times as much; light that is
 /// [`DAZZLING`] is either white or not promised.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LightLoss {
-    /// In coordinates relative to the sphere's centre, where l and P are a radius away: the form of
-    /// spheres in front.
+    /// The loss in coordinates relative to the sphere's centre, where l and P are a radius away.
+    /// Spheres in front of the camera are shaded in these.
     from_centre: f64,
-    /// In coordinates relative to the camera: the form of spheres around the camera.
+    /// The loss in coordinates relative to the camera. Spheres that contain the camera are shaded
+    /// in these.
     from_camera: f64,
 }
 
 impl LightLoss {
-    /// The loss that lights with these positions and radiances have on a sphere.
+    /// The loss on a sphere from lights with these positions and radiances.
     pub(super) fn of(sphere: &Sphere, lights: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let mut loss = LightLoss::default();
         for (position, radiance) in lights {
             let distance = position.length();
-            // The square of the distance from the centre less that of the radius, accurate near the
-            // surface.
+            // The square of the distance from the centre minus that of the radius, computed so that
+            // it is accurate near the surface.
             let power = if distance < radius {
                 position.dot(position - 2.0 * centre) + geometry::power(centre, radius)
             } else {
@@ -152,56 +157,58 @@ impl LightLoss {
         loss
     }
 
-    /// Whether f32 can shade the sphere in neither form.
+    /// Whether f32 cannot shade the sphere in either form.
     fn is_beyond_f32(self) -> bool {
         self.from_centre.min(self.from_camera) > MOST_LOSS
     }
 
-    /// Whether f32 can shade it in coordinates relative to the camera alone.
+    /// Whether f32 can only shade the sphere in coordinates relative to the camera.
     fn needs_camera(self) -> bool {
         self.from_centre > MOST_LOSS && self.from_camera < self.from_centre
     }
 }
 
-/// Whether f32 has to shade a sphere in coordinates relative to the camera: one that is not in
-/// front, or one so near that the camera and a light are much nearer to its surface than its centre
-/// is.
+/// Whether f32 has to shade a sphere in coordinates relative to the camera. That is a sphere that
+/// is not in front of the camera, or one so near that the camera and a light are much nearer to its
+/// surface than its centre is.
 pub(super) fn is_shaded_from_camera(sphere: &Sphere, lights: impl Iterator<Item = (DVec3, DVec3)>) -> bool {
     if !is_quadratic(sphere) {
         return true;
     }
     let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-    // If the loss relative to the centre is the greater, the light is within a radius of the
-    // camera. If it exceeds MOST_LOSS where the other one does not, the light is also within a
+    // If the loss relative to the centre is the greater one, the light is within a radius of the
+    // camera. If it exceeds MOST_LOSS where the other loss does not, the light is also within a
     // small share of a radius of the surface.
     centre.dot(centre) < FARTHEST_FROM_CAMERA * radius * radius && LightLoss::of(sphere, lights).needs_camera()
 }
 
-/// The number format of an object.
+/// The number format that an object needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
-    /// Kernels in f32 can trace it. With the precision `double` it is traced in f64 all the same.
+    /// Kernels in f32 can trace the object. With the precision `double` it is traced in f64 all the
+    /// same.
     Narrow,
-    /// Only kernels in f64 can trace it.
+    /// Only kernels in f64 can trace the object.
     Wide,
 }
 
-/// What the form of an object depends on beside the object itself.
+/// What the form of an object depends on, beside the object itself.
 pub(super) struct Forms {
     grid: Grid<f64>,
     scale: f64,
-    /// The positions and radiances of the lights that are not dark.
+    /// The positions and radiances of the lights, without dark ones.
     lights: Vec<(DVec3, DVec3)>,
-    /// The distance of the farthest light, as the kernels take it, divided by the scale.
+    /// The distance of the farthest light, as kernels take it, divided by the scale.
     farthest: f64,
-    /// The radiance of all lights together, and the greatest component of the radiance of one.
+    /// The radiance of all lights together; `strongest` is the greatest component of the radiance
+    /// of a light.
     radiance: DVec3,
     strongest: f64,
 }
 
 impl Forms {
-    /// What forms depend on, for lights that are not dark. Kernels of triangles take them to be no
-    /// further away than `far`.
+    /// What forms depend on, for `lights` of which none is dark. The kernels of triangles take them
+    /// to be at most `far` away.
     pub(super) fn new(grid: Grid<f64>, scale: f64, lights: &[&Light], far: f64) -> Self {
         let lights: Vec<_> = lights.iter().map(|light| (light.position.as_dvec3(), light.radiance())).collect();
         let radiance: DVec3 = lights.iter().map(|(_, radiance)| *radiance).sum();
@@ -210,12 +217,12 @@ impl Forms {
         Forms { grid, scale, lights, farthest, radiance, strongest }
     }
 
-    /// The extent of the scene that `scale` stands for.
+    /// The extent of the scene, from which `scale` was derived.
     fn extent(&self) -> f64 {
         self.scale * self.grid.focal
     }
 
-    /// Whether objects with these extremes meet the conditions that both kinds share.
+    /// Whether objects with these extremes meet the conditions that spheres and triangles share.
     fn are_usual(&self, extremes: &Extremes) -> bool {
         let Extremes { most, brightest, .. } = *extremes;
         f64::from(most) * LEAST_INVERSE <= self.extent()
@@ -225,23 +232,24 @@ impl Forms {
             && (1.0 / 1024.0..=(1 << 20) as f64).contains(&self.grid.focal)
     }
 
-    /// For spheres with these extremes: one whose upper bound of 1/t is not above the result is
-    /// certainly narrow. Below 0 if each has to be tested.
+    /// For spheres with these extremes, an upper bound of 1/t: a sphere whose own upper bound is
+    /// not above it is certainly narrow. Below 0 if each sphere has to be tested.
     pub(super) fn surely_narrow_spheres(&self, extremes: &Extremes) -> f32 {
         let (most, least) = (f64::from(extremes.most) / self.extent(), f64::from(extremes.least) / self.extent());
-        // k is at least 2^-9, so that k radii are no less than this over 2^9, and at most 3
-        // most^2 / least.
+        // k is at least 2^-9 and at most 3 most^2 / least^2, so that k radii are at least `least`
+        // over 2^9 and at most 3 most^2 / least.
         let fine = least >= LEAST_RADIUS && most * most < least * (1u64 << 26) as f64;
         let keeps_light = f64::from(extremes.brightest) * self.strongest <= NEVER_LOST;
         if fine && keeps_light && self.are_usual(extremes) { (MOST / FAR_IN_RADII) as f32 } else { -1.0 }
     }
 
-    /// The same for triangles.
+    /// As [`surely_narrow_spheres`](Self::surely_narrow_spheres), for triangles.
     pub(super) fn surely_narrow_triangles(&self, extremes: &Extremes) -> f32 {
         if self.are_usual(extremes) { (MOST / self.farthest.max(1.0)) as f32 } else { -1.0 }
     }
 
-    /// The form of a sphere. Its upper bound of 1/t is corrected, since f32 may not have held it.
+    /// The form of a sphere. The upper bound of its 1/t is corrected, since f32 may not have been
+    /// able to hold it.
     pub(super) fn of_sphere(&self, sphere: &Sphere, candidate: &mut Candidate) -> Form {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
@@ -252,10 +260,10 @@ impl Forms {
         };
         if !is_quadratic(sphere) {
             candidate.most = Candidate::ANY;
-            // The distances of its near and its far wall from the camera, in radii. The near one is
-            // at least what rounding can tell from 0.
+            // The distances of the near and of the far wall from the camera, in radii. The near one
+            // is at least what rounding can distinguish from 0.
             let [near, far] = [(power.sqrt() - 1.0).abs().max(f64::EPSILON), power.sqrt() + 1.0];
-            // 1/t is |d| over the distance of the point, and in a wide film the longest d is much
+            // 1/t is |d| over the distance of the point. In a wide film the longest d is much
             // longer than the focal distance.
             let Grid { half_width, half_height, .. } = self.grid;
             let longest = self.scale * DVec3::new(half_width, half_height, focal).length();
@@ -282,8 +290,8 @@ impl Forms {
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
-    /// The form of a triangle. Its upper bound of 1/t is corrected too: kernels in f64 would
-    /// otherwise cut the 1/t of a wide one to what f32 holds.
+    /// The form of a triangle. The upper bound of its 1/t is corrected too: kernels in f64 would
+    /// otherwise clamp the 1/t of a wide triangle to the range of f32.
     pub(super) fn of_triangle(&self, triangle: &Triangle, candidate: &mut Candidate) -> Form {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let [a, b, c] = corners.map(|v| v.z);
@@ -307,7 +315,7 @@ impl Forms {
     /// Adds the tiles in which f32 loses the w of a triangle with these bounds.
     pub(super) fn steep_tiles(&self, triangle: &Triangle, candidate: &Candidate, tiles: &mut WideTiles) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
-        // The w of its farthest corner, in the unit in which w is n . d / (v . n).
+        // The w of the farthest corner, in the unit in which w is n . d / (v . n).
         let farthest = self.grid.focal / greatest(corners.map(|v| v.z)).max(0.0);
         if self.surely_nowhere_steep(corners, farthest) {
             return;
@@ -315,8 +323,8 @@ impl Forms {
         let Some(volume) = geometry::triangle_volume(corners) else { return };
         let n = geometry::triangle_plane(corners) / volume;
         let [tx, ty] = [n.x * self.grid.step, -n.y * self.grid.step];
-        // Of the part of a range of pixels in a tile, the distances of its first and its last pixel
-        // from the tile's middle.
+        // The distances from the tile's middle of the first and the last of those pixels of a range
+        // that are in the tile.
         let part = |pixels: &Range<u32>, first: u32, side: usize| {
             let (start, end) = (pixels.start.max(first), pixels.end.min(first + side as u32));
             let middle = f64::from(first) + side as f64 / 2.0;
@@ -336,7 +344,7 @@ impl Forms {
                 let least = n.dot(middle) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
                 let [x, y] = [left.abs().max(right.abs()), top.abs().max(bottom.abs())];
                 let is_exact = steepness(tx, ty, x, y) <= (STEEPEST - INVERSE_ROUNDINGS[0]) * least.max(farthest);
-                // False for a NaN too.
+                // This is also false for a NaN.
                 if !is_exact {
                     tiles.add(tile);
                 }
@@ -344,8 +352,8 @@ impl Forms {
         }
     }
 
-    /// Whether a triangle is steep in no tile, whatever the rounding of its plane; nearly all are
-    /// so.
+    /// Whether a triangle is certainly not steep in any tile, whatever the rounding of its plane.
+    /// That is the case for nearly all triangles.
     fn surely_nowhere_steep(&self, [v, v2, v3]: [DVec3; 3], farthest: f64) -> bool {
         let (a, b) = (v2 - v, v3 - v);
         let n = a.cross(b);
@@ -358,24 +366,24 @@ impl Forms {
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane: at the first pixel, and its
-/// increments for a column and a row. None if f32 does not hold them, kernels have another plane,
-/// or no ray hits it.
+/// increments per column and per row. None if f32 cannot hold them, if kernels have another plane,
+/// or if no ray hits the triangle.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let geometry::PlaneOfOne { p, lost } = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
     let n = scale * p;
     let (first, ray) = (n.dot(grid.ray(0, 0).into()), DVec3::from(grid.ray(0, 0)).abs());
     let (across, down) = (n.x * grid.step, -n.y * grid.step);
     let terms = n.abs().dot(ray) + across.abs() * f64::from(picture.width) + down.abs() * f64::from(picture.height);
-    // Half of the margin, 2^-18 of the terms, is for the kernel's plane, see `is_kernels`. The
-    // other half is for roundings in f32, here and in the kernel: some 2^-24 of the terms, unless
-    // results are denormal.
+    // Half of the margin, 2^-18 of the terms, is for the kernel's plane; see `is_kernels`. The
+    // other half is for roundings in f32, here and in the kernel, which are about 2^-24 of the
+    // terms unless results are subnormal.
     let most = [first + terms / f64::from(1 << 17), across, down].map(|x| x as f32);
     let is_kernels = scale * lost * ray.element_sum() <= terms / f64::from(1 << 18);
     ((1e-30..f32::MAX.into()).contains(&terms) && is_kernels).then_some(most)
 }
 
-/// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may
-/// not cover all of them.
+/// A lower bound of a triangle's 1/t, as kernels round it, at all pixels of a tile; 0 if the
+/// triangle may not cover all of them.
 pub(super) fn least_over(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture, tile: TilePlace) -> f32 {
     let (column, row) = tile.first();
     let corners = [[0, 0], [TILE_WIDTH, 0], [0, TILE_HEIGHT], [TILE_WIDTH, TILE_HEIGHT]];
@@ -400,20 +408,21 @@ fn size(v: DVec3) -> f64 {
     greatest(v.abs().to_array())
 }
 
-/// The maximum of numbers that are not NaN, which is one instruction.
+/// The maximum of numbers that are not NaN, written so that it compiles to one instruction for two
+/// numbers.
 fn greatest([a, b, c]: [f64; 3]) -> f64 {
     let of_two = if a > b { a } else { b };
     if of_two > c { of_two } else { c }
 }
 
-/// A bound of the error of w = t0 + tx x + ty y beyond 3 u w, in units of u.
+/// A bound on the error of w = t0 + tx x + ty y beyond 3 u w, in units of u.
 fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
     let [_, across, down] = INVERSE_ROUNDINGS;
     across * tx.abs() * x + down * ty.abs() * y
 }
 
-/// The upper bound of 1/t, as an f32 above 0 other than [`Candidate::ANY`]: infinity if it is
-/// beyond f32.
+/// An upper bound of 1/t as an f32 above 0 that is not [`Candidate::ANY`]; infinity if it is beyond
+/// f32.
 fn bounded(near: f64) -> f32 {
     if near < Candidate::ANY.into() {
         (near as f32).clamp(f32::MIN_POSITIVE, Candidate::ANY.next_down())
@@ -424,7 +433,7 @@ fn bounded(near: f64) -> f32 {
 
 /// The upper bound of a sphere's 1/t, times the distance of the sphere's nearest point from the
 /// camera's plane; `extent` is that of the scene. The margin is for the rounding of D, which
-/// cancels at the outline, where 1/t is least, and loses a few roundings near the nearest point.
+/// cancels at the outline, where 1/t is least, and loses some digits near the nearest point.
 pub(super) fn near_of_sphere(extent: f64) -> f64 {
     extent * (1.0 + 1.0 / 1024.0)
 }

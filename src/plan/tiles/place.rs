@@ -1,4 +1,4 @@
-//! Where objects are: bounds in pixels, and tiles.
+//! Where objects are: bounds in pixels, and the tiles that they meet.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ impl Picture {
         [self.width.div_ceil(TILE_WIDTH as u32), self.height.div_ceil(TILE_HEIGHT as u32)]
     }
 
-    /// The bounds of an object that may be anywhere.
+    /// The bounds of an object that may be at any pixel.
     pub(super) fn whole(self) -> [u32; 2] {
         [self.width << 16, self.height << 16]
     }
@@ -25,20 +25,20 @@ impl Picture {
 
 #[derive(Clone, Copy, Debug)]
 pub struct TilePlace {
-    /// Index from the left.
+    /// The index of the tile from the left.
     pub across: u32,
-    /// Index from the top.
+    /// The index of the tile from the top.
     pub down: u32,
 }
 
 impl TilePlace {
-    /// The column and the row of its first pixel.
+    /// The column and the row of the tile's first pixel.
     pub fn first(self) -> (u32, u32) {
         (self.across * TILE_WIDTH as u32, self.down * TILE_HEIGHT as u32)
     }
 }
 
-/// The tiles that a range of pixels meets; `pixels` is not empty.
+/// The tiles that a range of pixels meets; the range is not empty.
 pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
     pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
 }
@@ -48,8 +48,8 @@ pub fn covered(columns: u32, rows: u32) -> u64 {
     range(columns).len() as u64 * range(rows).len() as u64
 }
 
-/// The range that bounds hold in 32 bits: the first in the lower half, and one past the last in the
-/// upper.
+/// The range of pixels that bounds encode in 32 bits: the first pixel in the lower half, and one
+/// past the last in the upper half.
 pub(super) fn range(bounds: u32) -> Range<u32> {
     (bounds & 0xffff)..(bounds >> 16)
 }
