@@ -1,5 +1,5 @@
-//! The pinhole camera of Algorithm 1: image size, focal distance and film, and the grid of rays
-//! that follows.
+//! The pinhole camera of Algorithm 1 in the paper: image size, focal distance and film, and the
+//! grid of primary rays that they define.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -10,9 +10,10 @@ pub const MAX_SIDE: u32 = 65_535;
 /// The most pixels of an image.
 pub const MAX_PIXELS: u64 = 1 << 31;
 
-/// A pinhole at the origin looking along +z, and the film behind (here: in front of) it.
+/// A pinhole at the origin looking along +z, and its film. A real film is behind the pinhole;
+/// here it is in front, at z = focal distance.
 ///
-/// Built by [`Camera::new`], which checks the limits; every field can then be trusted.
+/// Only [`Camera::new`] builds one, and it checks the limits, so every camera is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     width: u32,
@@ -41,7 +42,8 @@ pub enum CameraError {
     FieldOfView(f64),
 }
 
-/// The camera of a mesh alone: 800 x 600 pixels, focal distance 1, film 1.
+/// The camera of a scene that is a mesh file without a camera: 800 x 600 pixels, focal distance
+/// 1, film diagonal 1.
 impl Default for Camera {
     fn default() -> Self {
         Camera { width: 800, height: 600, focal: 1.0, film: 1.0 }
@@ -67,7 +69,7 @@ impl Camera {
         }
     }
 
-    /// The same camera with another number of pixels.
+    /// This camera with another number of pixels and the same diagonal of the film.
     ///
     /// # Errors
     /// As [`Camera::new`].
@@ -75,9 +77,10 @@ impl Camera {
         Camera::new(width, height, self.focal, self.film)
     }
 
-    /// The same camera with another number of pixels and another diagonal, so that a column of the
-    /// picture sees what it saw before: a wider picture sees more at its sides.
-    /// [`sized`](Self::sized) keeps the diagonal, and so sees less above and below.
+    /// This camera with another number of pixels and a film whose height stays the same, so
+    /// that the vertical field of view stays as it was: a wider picture shows more at its sides.
+    /// [`sized`](Self::sized) keeps the diagonal instead, so a wider picture shows less at the top
+    /// and bottom.
     ///
     /// ```
     /// # use rayo::Camera;
@@ -95,14 +98,14 @@ impl Camera {
     /// As [`Camera::new`].
     pub fn sized_by_height(&self, width: u32, height: u32) -> Result<Self, CameraError> {
         let _floats = StandardFloats::set();
-        // Diagonals in heights of the film.
+        // The diagonals of the two films, as multiples of their heights.
         let [before, after] = [(self.width, self.height), (width, height)]
             .map(|(width, height)| (f64::from(width) / f64::from(height)).hypot(1.0));
         Camera::new(width, height, self.focal, (f64::from(self.film) * (after / before)) as f32)
     }
 
-    /// The same camera with another diagonal of the film, so that a column of the picture sees this
-    /// angle, in degrees.
+    /// This camera with the diagonal of the film chosen such that the vertical field of view is
+    /// `degrees`.
     ///
     /// # Errors
     /// If the angle is not between 0 and 180 degrees, and as [`Camera::new`].
@@ -121,12 +124,12 @@ impl Camera {
         self.width
     }
 
-    /// Rows.
+    /// Rows of pixels.
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// Pixels, at most [`MAX_PIXELS`].
+    /// The number of pixels, at most [`MAX_PIXELS`].
     pub fn pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
     }
@@ -136,7 +139,7 @@ impl Camera {
         self.focal
     }
 
-    /// The diagonal of the film, in the units of the focal distance.
+    /// The diagonal of the film, in the same unit of length as the focal distance.
     pub fn film(&self) -> f32 {
         self.film
     }
@@ -157,11 +160,11 @@ impl Camera {
     }
 }
 
-/// A number of a camera's grid, f32 or f64.
+/// A floating-point type in which a camera's grid can be computed: f32 or f64.
 pub trait Real:
     Copy + From<f32> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// Rounded to nearest, exact up to 2^24.
+    /// The integer rounded to nearest; exact up to 2^24 in both types.
     fn from_u32(x: u32) -> Self;
     fn sqrt(self) -> Self;
 }
@@ -180,7 +183,8 @@ macro_rules! real {
 }
 real!(f32 f64);
 
-/// The rays of a camera in the precision `T`: a grid of points on the film at distance `focal`.
+/// The primary rays of a camera in the precision `T`: they go through the centres of a grid of
+/// pixels on the film, which is at distance `focal`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid<T> {
     /// The side of a pixel on the film.
@@ -189,12 +193,12 @@ pub struct Grid<T> {
     pub half_width: T,
     /// Half of the film's height.
     pub half_height: T,
-    /// The z of every ray.
+    /// The z component of every ray.
     pub focal: T,
 }
 
 impl Grid<f64> {
-    /// The same rays, scaled by `factor`.
+    /// The same rays with directions `factor` times as long.
     pub fn scaled(&self, factor: f64) -> Self {
         Grid {
             step: factor * self.step,

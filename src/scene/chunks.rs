@@ -11,20 +11,24 @@ use std::thread;
 use crate::kernels::StandardFloats;
 use crate::kernels::sys::new_thread;
 
-/// The bytes of a chunk: a chunk and what is read from it fit into a core's own cache.
+/// The bytes of a chunk: a chunk and the data read from it together fit into a core's private
+/// (L2) cache.
 const CHUNK: usize = 256 << 10;
-/// The longest line that may reach beyond its chunk.
+/// The bytes read past a chunk's end to complete its last line. Parallel reading ends at a line
+/// that reaches further.
 const LONGEST_LINE: usize = 4 << 10;
-/// A text of fewer chunks is read before other threads have started.
+/// A text of fewer chunks than this is read by one thread: it is finished before further
+/// threads would have started.
 const FEWEST_CHUNKS: usize = 8;
-/// How many chunks may wait for an earlier one, for each thread.
+/// How many chunks per thread may be read ahead of the first unfinished one, which bounds the
+/// memory that results wait in.
 const AHEAD: usize = 4;
 
 /// A file that several threads may read at once.
 #[derive(Clone, Copy)]
 pub(super) struct SharedFile<'a> {
     file: &'a File,
-    /// Where the text begins, after a byte order mark.
+    /// The offset where the text begins, after a byte order mark.
     start: usize,
     threads: usize,
     /// The bytes of a chunk.
@@ -32,28 +36,28 @@ pub(super) struct SharedFile<'a> {
 }
 
 impl<'a> SharedFile<'a> {
-    /// For this many threads.
+    /// A file to be read by up to `threads` threads.
     pub(super) fn new(file: &'a File, threads: usize) -> Self {
         SharedFile { file, start: 0, threads, chunk: CHUNK }
     }
 
-    /// The same, in chunks of so many bytes.
+    /// This file, in chunks of this many bytes.
     #[cfg(test)]
     pub(super) fn in_chunks_of(self, bytes: usize) -> Self {
         SharedFile { chunk: bytes, ..self }
     }
 
-    /// The text after so many bytes more.
+    /// This file, whose text begins this many bytes later.
     pub(super) fn after(self, bytes: usize) -> Self {
         SharedFile { start: self.start + bytes, ..self }
     }
 
-    /// Whether several threads may read this much of a text.
+    /// Whether a text of this many bytes is worth reading with several threads.
     pub(super) fn is_worth_sharing(self, bytes: usize) -> bool {
         self.threads > 1 && bytes >= FEWEST_CHUNKS * self.chunk
     }
 
-    /// The rest of the text from this byte on, for a single reader.
+    /// The file positioned at this byte of the text, for a single reader of the rest.
     pub(super) fn rest(self, at: usize) -> io::Result<&'a File> {
         use std::io::Seek;
         let mut file = self.file;
@@ -61,7 +65,7 @@ impl<'a> SharedFile<'a> {
         Ok(file)
     }
 
-    /// The lines that begin in the first chunk of a text of this length.
+    /// The lines that begin in the first chunk of a text of this length in bytes.
     pub(super) fn first_lines(self, length: usize) -> Option<Vec<u8>> {
         let mut buffer = Vec::new();
         let count = self.lines(0, &(0..length), &mut buffer)?.bytes.len();
@@ -69,10 +73,10 @@ impl<'a> SharedFile<'a> {
         Some(buffer)
     }
 
-    /// Has several threads `read` the lines of a part of the text, chunk by chunk, whose places in
-    /// the text `read` is given too, and passes what they read to `take`, in the order of the text.
-    /// Where a chunk cannot be read, or `take` returns false, this ends. Returns the place up to
-    /// which the text was taken: the beginning of the part, or of a line.
+    /// Lets several threads `read` the lines of a part of the text, chunk by chunk; `read` is
+    /// also given the offset of its lines in the text. What it returns is passed to `take` in the
+    /// order of the text. Reading ends early where a chunk cannot be read or `take` returns false.
+    /// Returns the offset up to which the text was taken: the start of the part or of a line.
     pub(super) fn read_lines<T: Send>(
         self,
         part: Range<usize>,
@@ -111,8 +115,8 @@ impl<'a> SharedFile<'a> {
         queue.state.into_inner().unwrap_or_else(PoisonError::into_inner).at
     }
 
-    /// The lines that begin in a chunk of a part of the text; None if they cannot be read, or the
-    /// last one is too long.
+    /// The lines that begin in chunk `number` of a part of the text. None if they cannot be
+    /// read, or if the last one reaches further than [`LONGEST_LINE`] beyond the chunk.
     fn lines<'b>(self, number: usize, part: &Range<usize>, buffer: &'b mut Vec<u8>) -> Option<Lines<'b>> {
         let begin = part.start + number * self.chunk;
         // A chunk begins after the first line end at or after the byte before it.
@@ -129,9 +133,10 @@ impl<'a> SharedFile<'a> {
     }
 }
 
-/// The lines that begin in a chunk: none, if one reaches from the chunk before to its end.
+/// The lines that begin in a chunk. There are none if a line of an earlier chunk reaches to
+/// this chunk's end.
 struct Lines<'a> {
-    /// Their place in the text.
+    /// The offset of the first line in the text.
     at: usize,
     bytes: &'a [u8],
 }
@@ -142,24 +147,27 @@ impl Lines<'_> {
     }
 }
 
-/// The chunks of a text, for threads that read them, and what they have read.
+/// The chunks that threads have yet to read, and the results that wait for those of earlier
+/// chunks.
 struct Queue<T, F> {
     state: Mutex<State<T, F>>,
     chunks: usize,
-    /// How many chunks may wait for an earlier one.
+    /// How many chunks may be begun beyond those taken.
     ahead: usize,
     /// Notified when chunks have been taken.
     changed: Condvar,
 }
 
 struct State<T, F> {
-    /// The number of chunks that threads have begun to read: all, if no more are to be read.
+    /// The number of chunks that threads have begun to read; set to the number of all chunks
+    /// when no more are to be read.
     begun: usize,
-    /// The number of chunks taken.
+    /// The number of chunks whose results were taken.
     taken: usize,
-    /// The end of the last one in the text.
+    /// The offset in the text where the last chunk that was taken ends.
     at: usize,
-    /// What was read of later chunks, with their ends in the text; None if a chunk was not read.
+    /// The results of chunks that wait for earlier ones, by chunk number, each with the offset
+    /// where its lines end; None if a chunk could not be read.
     waiting: BTreeMap<usize, Option<(T, usize)>>,
     take: F,
 }
@@ -169,7 +177,8 @@ impl<T, F: FnMut(T) -> bool> Queue<T, F> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The number of the next chunk to be read.
+    /// The number of the next chunk to read, or None if there is no more. Waits while too many
+    /// results wait for an earlier chunk.
     fn next(&self) -> Option<usize> {
         let is_too_far = |state: &mut State<T, F>| state.begun < self.chunks && state.begun > state.taken + self.ahead;
         let state = self.changed.wait_while(self.state(), is_too_far);
@@ -182,7 +191,8 @@ impl<T, F: FnMut(T) -> bool> Queue<T, F> {
         Some(number)
     }
 
-    /// Takes what was read of a chunk, and of later ones that waited for it.
+    /// Takes the result of a chunk if it is the next in order, and then later ones that waited
+    /// for it; else keeps it.
     fn give(&self, number: usize, read: Option<(T, usize)>) {
         let mut state = self.state();
         state.waiting.insert(number, read);
@@ -191,7 +201,7 @@ impl<T, F: FnMut(T) -> bool> Queue<T, F> {
             let Some(read) = state.waiting.remove(&next) else { break };
             let end = read.and_then(|(read, end)| (state.take)(read).then_some(end));
             let Some(end) = end else {
-                // Later chunks are not taken.
+                // No later chunk will be taken: this number never becomes a chunk's.
                 state.taken = usize::MAX;
                 state.begun = self.chunks;
                 break;
@@ -203,13 +213,13 @@ impl<T, F: FnMut(T) -> bool> Queue<T, F> {
     }
 }
 
-/// Reads bytes of a file from this place on.
+/// Fills `bytes` from the file's offset `at` on.
 #[cfg(unix)]
 fn read_exact_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, bytes, at)
 }
 
-/// Reads bytes of a file from this place on.
+/// Fills `bytes` from the file's offset `at` on.
 #[cfg(windows)]
 fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<()> {
     while !bytes.is_empty() {
@@ -223,7 +233,7 @@ fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> io::Result<(
     Ok(())
 }
 
-/// On other systems a file is read by one thread.
+/// Fails on other systems, so that one thread reads the file.
 #[cfg(not(any(unix, windows)))]
 fn read_exact_at(_: &File, _: &mut [u8], _: u64) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())

@@ -1,4 +1,4 @@
-//! Files of spheres: the atoms of a molecule, or the points of a cloud.
+//! Files from which spheres are made: the atoms of a molecule, or the points of a point cloud.
 
 mod cif;
 mod elements;
@@ -23,30 +23,31 @@ use crate::kernels::StandardFloats;
 use crate::kernels::sys::room;
 use elements::Kind;
 
-/// Atoms or points, each of which becomes a sphere.
+/// Atoms or points read from a file; each becomes a sphere.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cloud {
     /// The centres of the spheres, each finite, relative to the origin.
     pub centres: Vec<Vec3>,
-    /// Where the origin is in the file's own coordinates: 0, unless the whole cloud is far from 0,
-    /// as on maps.
+    /// The point of the file's coordinates that `centres` are relative to: 0, unless the whole
+    /// cloud is so far from 0 that f32 would lose digits, as with map coordinates.
     pub origin: DVec3,
-    /// Whether the file has atoms, in ångströms; else it has points.
+    /// Whether the file holds atoms, with coordinates in ångströms; otherwise it holds points.
     pub is_molecule: bool,
-    /// The elements of atoms; empty where there are radii or colours in their place.
+    /// The chemical element of each atom; empty for points, which may have `radii` and
+    /// `colours` instead.
     kinds: Vec<Kind>,
     /// The radius of each sphere; empty where the file has none.
     radii: Vec<f32>,
     /// The colour of each sphere in linear light; empty where the file has none.
     colours: Vec<Vec3>,
-    /// What was dropped from the file: a sentence each.
+    /// What was dropped from the file, in sentences for the user.
     pub notes: Vec<String>,
 }
 
 /// A format of files of atoms or points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CloudFormat {
-    /// XYZ: atoms in frames, or points, a line each.
+    /// XYZ: frames of atoms, or points, one atom or point per line.
     Xyz,
     /// The format of the Protein Data Bank: records of fixed columns.
     Pdb,
@@ -54,11 +55,11 @@ pub enum CloudFormat {
     Cif,
 }
 
-/// Why a cloud could not be read.
+/// Why reading a cloud stopped.
 enum Stop {
-    /// The system has not given the bytes.
+    /// The file could not be read.
     Unread,
-    /// They are no such file.
+    /// The file's content is not valid.
     Fault(MeshError),
 }
 
@@ -109,12 +110,13 @@ impl fmt::Display for CloudFormat {
 }
 
 impl Cloud {
-    /// Reads a file of atoms or points in the format of its extension; of several frames or models
-    /// the one of this number, counted from 1, or else the first.
+    /// Reads a file of atoms or points in the format that its extension tells. If the file has
+    /// several frames or models, `frame` selects one, counted from 1; the default is the first.
     ///
     /// # Errors
-    /// If it cannot be read or is damaged; the error names the file and the line. Memory stays
-    /// within a small multiple of the file's length, whatever it claims.
+    /// If the file cannot be read or is damaged; the error names the file and the line. The
+    /// memory used stays within a small multiple of the file's length, whatever sizes the file
+    /// claims.
     pub fn read(path: &Path, frame: Option<usize>) -> Result<Cloud, MeshError> {
         let _floats = StandardFloats::set();
         let format = CloudFormat::from_path(path).ok_or_else(|| {
@@ -125,7 +127,8 @@ impl Cloud {
         let cloud = match in_pieces {
             Some(Ok(cloud)) => Ok(cloud),
             Some(Err(Stop::Fault(fault))) => Err(fault),
-            // A pipe, or a file that could not be read twice.
+            // A pipe, which cannot be read twice, or a file whose reading in pieces failed: read
+            // it as a whole.
             None | Some(Err(Stop::Unread)) => {
                 let source = open::contents(path).map_err(|cause| unread(path, &cause, "a file of atoms or points"));
                 source.and_then(|source| parse_all(&source, format, frame))
@@ -134,7 +137,7 @@ impl Cloud {
         cloud.map_err(|fault| fault.of(path))
     }
 
-    /// Reads the content of such a file; errors call it `name`.
+    /// Reads the content of a file of atoms or points; errors call the file `name`.
     ///
     /// # Errors
     /// As [`Cloud::read`].
@@ -165,7 +168,7 @@ impl Cloud {
         points.and_then(Cloud::of_points).map_err(|fault| fault.of(path))
     }
 
-    /// The points of a PLY file that are finite.
+    /// A cloud of the finite points of a PLY file.
     fn of_points(points: Points) -> Result<Cloud, MeshError> {
         let Points { vertices, mut colours, non_finite, notes } = points;
         let is_left_out = |index: usize| non_finite.binary_search(&index).is_ok();
@@ -185,37 +188,37 @@ impl Cloud {
         Ok(Cloud { origin, ..made.finish(false, notes)? })
     }
 
-    /// The file's axis that stands upright by default: molecules and PLY files have y, clouds of
-    /// points in XYZ are mostly of land or rooms, and have z.
+    /// The axis of the file that is shown upright by default: y for molecules and PLY files; z
+    /// for point clouds in XYZ, which are mostly of land or rooms.
     pub fn up_axis(&self, format: Option<CloudFormat>) -> UpAxis {
         if format.is_some() && !self.is_molecule { UpAxis::Z } else { UpAxis::Y }
     }
 
-    /// Whether every sphere has a radius of its own.
+    /// Whether the file gives every sphere a radius, by its element or directly.
     pub fn has_radii(&self) -> bool {
         !self.kinds.is_empty() || !self.radii.is_empty()
     }
 
-    /// A radius for points that have none: half of what would be the distance of neighbours, if the
-    /// points were spread over a square as wide as the cloud is long.
+    /// A radius for points that have none: half the spacing that the points would have in a
+    /// square grid whose side is the diagonal of the cloud's bounding box.
     pub fn usual_radius(&self) -> f32 {
         let low = self.centres.iter().copied().fold(Vec3::INFINITY, Vec3::min);
         let high = self.centres.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
         let length = (high.as_dvec3() - low.as_dvec3()).length();
-        // A few points are no surface: they stay apart.
+        // A few points do not form a surface: limit the radius so that they stay apart.
         const LARGEST_SHARE: f64 = 0.02;
         let share = (0.5 / (self.centres.len() as f64).sqrt()).min(LARGEST_SHARE);
         let radius = (length * share) as f32;
         if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
     }
 
-    /// Its spheres as they are in the file, relative to the origin, all of them with `radius` if
-    /// there is one.
+    /// The spheres in the file's coordinates, relative to the origin. `radius`, if given,
+    /// replaces the radii of all.
     pub fn spheres(self, radius: Option<f32>) -> Vec<Sphere> {
         let radius = radius.or_else(|| (!self.has_radii()).then(|| self.usual_radius()));
         let Cloud { centres, kinds, radii, colours, .. } = self;
         let mut spheres = room(centres.len());
-        // Elements are looked up once, not for each atom.
+        // Radii and colours are looked up once per element, not once per atom.
         let looks: Vec<(f32, Vec3)> = Kind::all().map(|kind| (kind.radius(), kind.colour())).collect();
         for (index, centre) in centres.into_iter().enumerate() {
             let (own_radius, own_colour) = match kinds.get(index) {
@@ -230,8 +233,8 @@ impl Cloud {
     }
 }
 
-/// Moves spheres, which are relative to an origin, to the camera's frame and tints them; None
-/// beyond f32.
+/// Maps spheres, given relative to an origin, to the camera's coordinates and multiplies their
+/// colours by `colour`; None if a coordinate overflows f32.
 pub(super) fn placed(mut spheres: Vec<Sphere>, origin: DVec3, map: ToCamera, colour: Vec3) -> Option<Vec<Sphere>> {
     let map = map.for_points_from(origin);
     for sphere in &mut spheres {
@@ -244,9 +247,9 @@ pub(super) fn placed(mut spheres: Vec<Sphere>, origin: DVec3, map: ToCamera, col
     Some(spheres)
 }
 
-/// A sphere as a line of a file gives it.
+/// A sphere as one line of a file describes it.
 struct Entry {
-    /// The centre, as the nearest f32 and f64.
+    /// The centre, rounded to f32 and to f64.
     single: Vec3,
     double: DVec3,
     kind: Option<Kind>,
@@ -261,21 +264,21 @@ impl Entry {
     }
 }
 
-/// A cloud that is being read. All of its entries have the same parts.
+/// A cloud while it is being read. All of its entries have the same optional fields.
 #[derive(Default)]
 struct Made {
     centres: Vertices,
     kinds: Vec<Kind>,
     radii: Vec<f32>,
     colours: Vec<Vec3>,
-    /// How many atoms are no known element.
+    /// How many atoms have an unknown element.
     unknown: usize,
-    /// How many points were left out, since they have no place.
+    /// How many points were left out because they have no coordinates.
     placeless: usize,
 }
 
 impl Made {
-    /// Nothing yet, with room for so many atoms.
+    /// An empty cloud with memory reserved for this many atoms.
     fn in_room_for_atoms(count: usize) -> Self {
         Made { centres: Vertices::in_room(room(count)), kinds: room(count), ..Made::default() }
     }
@@ -284,7 +287,7 @@ impl Made {
         self.centres.len()
     }
 
-    /// Adds a sphere, whose centre is finite.
+    /// Adds a sphere. Its centre must be finite.
     #[inline]
     fn push(&mut self, entry: &Entry) {
         self.centres.push(entry.single, || entry.double);
@@ -296,7 +299,7 @@ impl Made {
         self.colours.extend(entry.colour);
     }
 
-    /// The cloud, if it is not empty, with notes on what is not as usual.
+    /// The cloud, with notes on what was left out or unknown; an error if it is empty.
     fn finish(self, is_molecule: bool, mut notes: Vec<String>) -> Result<Cloud, MeshError> {
         let Made { centres, kinds, radii, colours, unknown, placeless } = self;
         if placeless > 0 {
@@ -319,9 +322,9 @@ impl Made {
     }
 }
 
-/// The cloud of a file of this length, with only a piece at a time in memory.
+/// The cloud of a file of this length in bytes, which is read piece by piece.
 fn parse(mut file: impl Read, length: usize, format: CloudFormat, frame: Option<usize>) -> Result<Cloud, Stop> {
-    /// As many bytes as tell what a file is that is none of the format.
+    /// Enough bytes to recognise a file of another format.
     const BEGINNING: u64 = super::mistaken::BEGINNING as u64;
     let mut begin = Vec::new();
     file.by_ref().take(BEGINNING).read_to_end(&mut begin).map_err(|_| ReadFailed)?;
@@ -349,7 +352,7 @@ fn parse_all(source: &[u8], format: CloudFormat, frame: Option<usize>) -> Result
     })
 }
 
-/// The error for a frame, or a model, of a number that the file does not reach.
+/// The error for the number of a frame or model that the file does not have.
 fn no_such_frame(frame: usize, has: usize, what: [&str; 2]) -> MeshError {
     let [one, many] = what;
     let message = format!("there is no {one} {frame}: the file has {}", counted(has, one, many));

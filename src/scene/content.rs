@@ -1,5 +1,4 @@
-//! What a file is by its content, where its name does not tell, or where it cannot be read as what
-//! its name says.
+//! Recognising what a file is by its content, where its name does not tell or is wrong.
 
 use std::path::Path;
 
@@ -8,30 +7,31 @@ use super::mistaken::{is_picture, recognise};
 use super::token::next_token;
 use super::{MeshFormat, SceneError, SceneFormat};
 
-/// So many lines are looked at, and so many bytes.
+/// How much of a file is looked at: the first lines, and the first bytes.
 const LINES: usize = 100;
 const BYTES: usize = 64 << 10;
 
-/// How scenes and meshes of other programs begin: glTF in JSON, everything in XML, Blender, FBX,
-/// archives (3MF), STEP, VRML, USD.
+/// The first bytes of scene and mesh formats that are not read under an unknown name: glTF in
+/// JSON, anything in XML, Blender, FBX, archives (as 3MF), STEP, VRML, USD.
 const OTHERS: [&[u8]; 8] = [b"{", b"<", b"BLENDER", b"Kaydara", b"PK\x03\x04", b"ISO-10303", b"#VRML", b"PXR-USDC"];
 
-/// Extensions of such files whose content can begin like a scene in the paper's format: a word and
-/// two numbers.
+/// Extensions of other formats whose content can begin like a scene in the paper's format,
+/// which begins with a word and two numbers.
 const OTHER_EXTENSIONS: [&str; 11] =
     ["off", "coff", "noff", "node", "ele", "poly", "smesh", "mesh", "msh", "pts", "nff"];
 
-/// The words that lines of OBJ begin with.
+/// The first words of lines of OBJ files.
 const OBJ_WORDS: [&[u8]; 12] = [b"v", b"vt", b"vn", b"vp", b"f", b"l", b"p", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
-/// The first lines with content that are no comments, trimmed.
+/// The first lines of a text that are neither blank nor comments, trimmed.
 fn lines(source: &[u8]) -> impl Iterator<Item = &[u8]> {
     let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     let lines = source[..source.len().min(BYTES)].split(|byte| is_line_end(*byte)).map(<[u8]>::trim_ascii);
     lines.filter(|line| !line.is_empty() && !line.starts_with(b"#")).take(LINES)
 }
 
-/// Whether a text is TOML: its first line with content begins a table or assigns a key.
+/// Whether a text is TOML: its first line that is neither blank nor a comment begins a table or
+/// assigns a key.
 pub(super) fn is_toml(source: &[u8]) -> bool {
     let begins = |line: &[u8]| line.starts_with(b"[") || !line.starts_with(b"//") && line.contains(&b'=');
     !is_of_other_program(source) && lines(source).next().is_some_and(begins)
@@ -41,7 +41,8 @@ fn is_of_other_program(source: &[u8]) -> bool {
     OTHERS.iter().any(|beginning| source.starts_with(beginning))
 }
 
-/// The error for a file that is no scene: `error`, or what the file is in place of one.
+/// The error for a file that is no valid scene: what the file seems to be instead, or else
+/// `error`.
 pub(super) fn no_scene(error: SceneError, path: &Path, source: &[u8]) -> SceneError {
     let path = path.to_owned();
     if is_picture(source) {
@@ -55,7 +56,7 @@ pub(super) fn no_scene(error: SceneError, path: &Path, source: &[u8]) -> SceneEr
     }
 }
 
-/// The format of the mesh that this seems to be.
+/// The mesh format that a file's content seems to be in.
 fn mesh_format(source: &[u8]) -> Option<MeshFormat> {
     let starts_with = |word: &[u8]| {
         let source = source.trim_ascii_start();
@@ -65,13 +66,13 @@ fn mesh_format(source: &[u8]) -> Option<MeshFormat> {
     if starts_with(b"ply") {
         return Some(MeshFormat::Ply);
     }
-    // In binary; in JSON it is less sure.
+    // Only binary glTF begins so. JSON is not taken for glTF, as it may be anything else.
     if source.starts_with(b"glTF") {
         return Some(MeshFormat::Gltf);
     }
     let is_facet = |line: &[u8]| word(line).eq_ignore_ascii_case(b"facet");
-    // A binary file is a title of 80 bytes, the number of its facets, and 50 bytes for each of
-    // them.
+    // A binary STL file is a title of 80 bytes, the number of its facets in 4 bytes, and 50
+    // bytes for each of them.
     let count = source.get(80..84).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let has_binary_length = count.is_some_and(|count| source.len() as u64 == 84 + 50 * u64::from(count));
     if has_binary_length || starts_with(b"solid") && lines(source).any(is_facet) {
@@ -95,9 +96,9 @@ fn is_vertex(line: &[u8]) -> bool {
         && (0..3).all(|_| words.next().is_some_and(is_number))
 }
 
-/// Whether a file that is not a scene is not meant as one in the paper's format either: by its
-/// beginning, or by its name, where it does not begin with a word, a width and a height or where
-/// its format begins so, too.
+/// Whether a file that is no valid scene in the paper's format was not meant as one either:
+/// because it begins like another format, because its extension is of a format that begins alike,
+/// or because it has another extension and does not begin with a word, a width and a height.
 fn is_foreign(path: &Path, source: &[u8]) -> bool {
     if is_of_other_program(source) {
         return true;

@@ -1,5 +1,4 @@
-//! Errors of scene files and how they are shown: [`Diagnostic`], [`SceneError`], and their
-//! rendering.
+//! Errors of scene files, [`Diagnostic`] and [`SceneError`], and how they are rendered as text.
 
 use std::fmt;
 use std::io::{self, ErrorKind};
@@ -11,37 +10,37 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 use super::log::is_line_end;
 use super::{MeshError, MeshFormat};
 
-/// How many bytes of a line are shown before a token, of the token itself, and after it:
-/// diagnostics of long lines stay short.
+/// How many bytes of a line are shown before an erroneous token, of the token itself, and after
+/// it. Diagnostics of long lines stay short that way.
 const SHOWN_BEFORE: usize = 60;
 const SHOWN_TOKEN: usize = 40;
 const SHOWN_AFTER: usize = 30;
-/// Marks the place of a cut.
+/// Shown where a line is cut.
 const CUT: &str = "...";
 
 /// An error at one place of a scene file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Diagnostic {
-    /// What is wrong with what, e.g. "sphere 3's radius is negative".
+    /// What is wrong, e.g. "sphere 3's radius is negative".
     pub message: String,
     /// The line, from 1.
     pub line: usize,
-    /// The column, from 1, in characters (a byte order mark is none).
+    /// The column, from 1, in characters; a byte order mark does not count.
     pub column: usize,
-    /// The token as it stands there, cut if it is long; empty where the file ends too early.
+    /// The token in question, cut if it is long; empty where the file ends too early.
     pub token: String,
-    /// What would have been right, e.g. "a number greater than 0".
+    /// What would have been valid, e.g. "a number greater than 0".
     pub expected: String,
     /// How to fix it, where that is not obvious.
     pub help: Option<String>,
-    /// The whole token, in bytes of the file.
+    /// The byte range of the whole token in the file.
     pub span: Range<usize>,
-    /// The part of the line that is shown.
+    /// The part of the line around the token that is shown.
     excerpt: Excerpt,
 }
 
-/// A window of a source line and the token's place in it, in bytes of `text`.
+/// A part of a source line, and the byte range of the token within `text`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Excerpt {
     text: String,
@@ -50,7 +49,7 @@ struct Excerpt {
     whole_start: bool,
 }
 
-/// Why there is no scene.
+/// Why a scene could not be read.
 ///
 /// `Display` is [`SceneError::render`] without colour: whole paragraphs that begin with `error: `.
 #[derive(Debug, thiserror::Error)]
@@ -61,7 +60,7 @@ pub enum SceneError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         #[source]
         cause: io::Error,
     },
@@ -70,9 +69,9 @@ pub enum SceneError {
     Invalid {
         /// The file's name as [`parse`](super::parse()) was given it.
         name: String,
-        /// What is wrong, in the file's order; never empty.
+        /// What is wrong, in the order of the file; never empty.
         diagnostics: Vec<Diagnostic>,
-        /// How many more there were beyond those that are kept.
+        /// How many further errors the file has that are not in `diagnostics`.
         more: usize,
     },
     /// The file is a picture.
@@ -87,7 +86,7 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
     },
-    /// The file seems to be a mesh, whose format only a name tells.
+    /// The file seems to be a mesh, but its name lacks the extension that tells the format.
     #[error("{}", self.render(false))]
     NamelessMesh {
         /// The file.
@@ -101,7 +100,8 @@ pub enum SceneError {
 }
 
 impl Diagnostic {
-    /// `line_start` is the start of the token's line, in bytes of `source`.
+    /// A diagnostic of a token. `line_start` is the byte offset of the token's line in
+    /// `source`.
     pub(super) fn new(
         source: &[u8],
         span: Range<usize>,
@@ -136,7 +136,8 @@ impl Diagnostic {
         if self.excerpt.whole_start {
             vec![title.element(snippet.path(file)).elements(help)]
         } else {
-            // The renderer would count columns from the start of the window.
+            // Give the column explicitly: the renderer would count it from the start of the
+            // excerpt.
             let place = Origin::path(file).line(self.line).char_column(self.column);
             vec![title.element(place), Group::with_level(Level::ERROR).element(snippet).elements(help)]
         }
@@ -144,7 +145,8 @@ impl Diagnostic {
 }
 
 impl SceneError {
-    /// The errors of the content, in the file's order; empty if the file could not be read at all.
+    /// The errors in the content, in the order of the file; empty if the file could not be read
+    /// at all.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
             SceneError::Invalid { diagnostics, .. } => diagnostics,
@@ -152,7 +154,8 @@ impl SceneError {
         }
     }
 
-    /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts the omitted ones.
+    /// One line for each diagnostic ([`Diagnostic::one_line`]), and one with the number of
+    /// omitted ones.
     pub fn lines(&self) -> Vec<String> {
         match self {
             SceneError::Mesh(error) => vec![error.to_string()],
@@ -167,8 +170,8 @@ impl SceneError {
         }
     }
 
-    /// Each error with its line of the file, for a terminal: with ANSI colours or plain, without a
-    /// newline at the end.
+    /// Each error with the line of the file it is in, for a terminal: coloured by ANSI codes or
+    /// plain, without a newline at the end.
     pub fn render(&self, colour: bool) -> String {
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         let mut parts = Vec::new();
@@ -198,7 +201,7 @@ impl SceneError {
         parts.join("\n\n")
     }
 
-    /// The message for a file as a whole.
+    /// The message for an error that concerns a file as a whole.
     fn in_short(&self) -> String {
         match self {
             SceneError::Read { path, cause } => unreadable(path, cause),
@@ -227,11 +230,12 @@ impl SceneError {
 impl Excerpt {
     fn new(source: &[u8], line_start: usize, span: &Range<usize>) -> Self {
         let whole_start = span.start - line_start <= SHOWN_BEFORE;
-        // A lone continuation byte, the likely error here, does not push the window past itself.
+        // The token may be a lone UTF-8 continuation byte, as this error is likely of that: do
+        // not cut behind it.
         let cut = || boundary(source, span.start - SHOWN_BEFORE).min(span.start);
         let from = if whole_start { line_start } else { cut() };
         let token_end = shown_end(source, span);
-        // A token that is cut fills the window; text after it would look like a part of it.
+        // Nothing follows a token that was cut, since it would look like a part of the token.
         let limit = if token_end < span.end { token_end } else { source.len().min(token_end + SHOWN_AFTER) };
         let rest = &source[token_end..limit];
         let line_end = rest.iter().position(|&byte| is_line_end(byte)).map_or(limit, |length| token_end + length);
@@ -249,15 +253,15 @@ impl Excerpt {
     }
 }
 
-/// The first place at or after `at` where a character can begin.
+/// The first offset at or after `at` where a UTF-8 character can begin.
 fn boundary(source: &[u8], at: usize) -> usize {
     let inside = source[at..].iter().take_while(|&&byte| byte & 0xc0 == 0x80).count();
-    // No character is longer than four bytes: a longer run is not UTF-8, and any place in it will
-    // do.
+    // No character has more than four bytes: a longer run of continuation bytes is not UTF-8,
+    // and any offset in it will do.
     at + inside.min(3)
 }
 
-/// Where the shown part of a token ends.
+/// The offset where the shown part of a token ends.
 fn shown_end(source: &[u8], span: &Range<usize>) -> usize {
     if span.len() <= SHOWN_TOKEN { span.end } else { boundary(source, span.start + SHOWN_TOKEN) }
 }
@@ -273,19 +277,20 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
     token
 }
 
-/// A path made safe to print.
+/// A path as text that is safe to print.
 pub fn shown(path: impl AsRef<Path>) -> String {
     printable(&path.as_ref().to_string_lossy())
 }
 
-/// `text` with its unseen characters escaped, so that a file cannot control the terminal.
+/// `text` with its invisible characters escaped, so that a file cannot control the terminal.
 pub fn printable(text: &str) -> String {
     let spell = |c: char| if is_unseen(c) { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
 }
 
-/// Words that may repeat a file's or a user's, made safe so that they neither control a terminal
-/// nor fill it. Their end may say the place.
+/// Text from a file or a user, made safe so that it neither controls a terminal nor fills it:
+/// invisible characters are escaped, and the middle of a long text is left out. The end is kept,
+/// since it may tell the place.
 pub fn brief(text: &str) -> String {
     const SHOWN: [usize; 2] = [240, 60];
     match (text.char_indices().nth(SHOWN[0]), text.char_indices().nth_back(SHOWN[1])) {
@@ -294,35 +299,35 @@ pub fn brief(text: &str) -> String {
     }
 }
 
-/// Whether a character shows nothing itself, but may change what a terminal shows of others:
-/// Unicode's controls, formats (as those that turn the direction of writing), and ends of lines and
-/// paragraphs.
+/// Whether a character is invisible but may change how a terminal shows others: Unicode's
+/// control and format characters (such as those that change the direction of writing), and
+/// separators of lines and paragraphs.
 pub fn is_unseen(c: char) -> bool {
     let is_format = matches!(u32::from(c), 0xad | 0x61c | 0x180e | 0x200b..=0x200f | 0x2028..=0x202e | 0x2060..=0x206f | 0xfeff
         | 0xfff9..=0xfffb | 0x13430..=0x1343f | 0x1bca0..=0x1bca3 | 0x1d173..=0x1d17a | 0xe0000..=0xe007f);
     is_format || c.is_control()
 }
 
-/// `error`, or a better one if it is that there is no file because the name is an address.
+/// `error`, or a clearer error if no file was found because the path is a web address.
 #[cfg(feature = "files")]
 pub fn of_address(path: &Path, error: io::Error) -> io::Error {
     let is_address = error.kind() == ErrorKind::NotFound && is_address(path);
     if is_address { io::Error::new(ErrorKind::NotFound, ONLY_FILES) } else { error }
 }
 
-/// How messages call a scene's source.
+/// The name of a scene's source in messages.
 fn source_name(path: &Path) -> String {
     if path == Path::new("-") { "standard input".into() } else { format!("`{}`", shown(path)) }
 }
 
-/// Whether a name is an address on the web, which nothing is read from.
+/// Whether a path is a web address. Nothing is read from the web.
 pub(crate) fn is_address(path: &Path) -> bool {
     path.to_str()
         .and_then(|name| name.split_once("://"))
         .is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.bytes().all(|byte| byte.is_ascii_alphanumeric()))
 }
 
-/// What to do with such a name.
+/// The help for a path that is a web address.
 pub(crate) const ONLY_FILES: &str = "this is an address, and rayo only reads files: download it first";
 
 fn unreadable(path: &Path, cause: &io::Error) -> String {

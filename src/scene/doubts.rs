@@ -1,21 +1,22 @@
-//! Signs, found without tracing, that the picture of a scene is probably not what its author meant.
+//! Signs that the picture of a scene is probably not what its author meant, found without
+//! tracing it.
 
 use glam::{DVec3, Vec3};
 
 use super::Scene;
 use crate::reference::geometry;
 
-/// A colour of so much white is probably a level of 255: no author means an object that sends back
-/// ten times the light.
+/// A colour with a channel above this is probably in levels from 0 to 255: no author means an
+/// object that reflects ten times the light it receives.
 const BRIGHT: f32 = 10.0;
 
-/// At more than this focal distance the format's film, whose diagonal is 1, sees less than 6
+/// The focal distance above which the format's film, whose diagonal is 1, sees less than 6
 /// degrees.
 const LONG: f32 = 10.0;
 
 impl Scene {
-    /// What is probably a mistake in the scene, a line each: costs at most as much as four rays by
-    /// brute force.
+    /// Probable mistakes in the scene, a line each. Costs at most as much as tracing four rays
+    /// by brute force.
     pub fn doubts(&self) -> Vec<String> {
         let (mut doubts, camera) = (Vec::new(), &self.camera);
         if self.lights.iter().all(|light| light.radiance() == DVec3::ZERO) {
@@ -39,8 +40,8 @@ impl Scene {
         doubts
     }
 
-    /// The first colour of an object, but for those of meshes, that is written in levels and far
-    /// brighter than white.
+    /// The first colour of a sphere or single triangle (not of a mesh) that is much brighter
+    /// than white and whose channels are all integers up to 255.
     fn colour_in_levels(&self) -> Option<Vec3> {
         let of_spheres = self.spheres.iter().map(|sphere| sphere.colour);
         let mut colours = of_spheres.chain(self.triangles.iter().map(|triangle| triangle.colour));
@@ -53,8 +54,8 @@ impl Scene {
             || self.all_triangles().any(|triangle| triangle.vertices.iter().any(|vertex| vertex.z > 0.0))
     }
 
-    /// Whether all rays at the corners hit something: then nearly all rays do, except those of a
-    /// frame.
+    /// Whether the rays through all four corners of the picture hit something. Then nearly all
+    /// rays hit, unless the objects form a frame around the picture.
     fn covers_corners(&self) -> bool {
         let camera = &self.camera;
         let grid = camera.grid::<f64>();

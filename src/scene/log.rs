@@ -1,4 +1,4 @@
-//! The errors of a text while it is being read: each is noted with its line and column, in one pass
+//! The errors found while a text is read; the line and column of each are computed in one pass
 //! over the text.
 
 use std::fmt;
@@ -9,7 +9,7 @@ use super::{Diagnostic, SceneError};
 
 /// The most errors of a file that are kept; further ones are only counted.
 const MAX_ERRORS: usize = 20;
-/// What some editors put before text, and which is none of it.
+/// Some editors begin a file with this mark; it is not part of the text.
 pub(super) const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// Whether `byte` ends a line.
@@ -17,17 +17,18 @@ pub(super) fn is_line_end(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
 }
 
-/// The errors so far, in the file's order.
+/// The errors so far, in the order of the file.
 pub(super) struct Log<'a> {
     source: &'a [u8],
-    /// Where the text begins, after a byte order mark.
+    /// The byte offset where the text begins, after a byte order mark.
     start: usize,
     place: Place,
     diagnostics: Vec<Diagnostic>,
     more: usize,
 }
 
-/// A place in the file. It only ever moves forward, so that all places together cost one pass.
+/// A position in the file. It only ever moves forward, so that computing all lines and columns
+/// costs one pass.
 #[derive(Clone, Copy)]
 struct Place {
     offset: usize,
@@ -37,15 +38,15 @@ struct Place {
 }
 
 impl<'a> Log<'a> {
-    /// No errors of `source` yet.
+    /// A log of `source` without errors.
     pub(super) fn new(source: &'a [u8]) -> Self {
         let start = if source.starts_with(BYTE_ORDER_MARK.as_bytes()) { BYTE_ORDER_MARK.len() } else { 0 };
         let place = Place { offset: start, line: 1, line_start: start, column: 1 };
         Log { source, start, place, diagnostics: Vec::new(), more: 0 }
     }
 
-    /// The text and its start, after a byte order mark; or None, after noting that it is not UTF-8
-    /// or no scene at all.
+    /// The text, and the offset after a byte order mark where it begins. If the source is not
+    /// UTF-8 or no scene at all, that error is noted, and this is None.
     pub(super) fn text(&mut self) -> Option<(&'a str, usize)> {
         match std::str::from_utf8(self.source) {
             Ok(text) => match recognise(self.source) {
@@ -63,7 +64,7 @@ impl<'a> Log<'a> {
         }
     }
 
-    /// Notes an error of `token`, which must not be before the last one noted.
+    /// Notes an error of `token`, which must not be before the last noted one.
     pub(super) fn note(
         &mut self,
         token: Range<usize>,
@@ -81,7 +82,7 @@ impl<'a> Log<'a> {
         self.diagnostics.push(diagnostic);
     }
 
-    /// The line of a place, which must not be before the last one noted.
+    /// The line of an offset, which must not be before the last one asked for or noted.
     pub(super) fn line(&mut self, offset: usize) -> usize {
         self.place.advance(self.source, offset).line
     }
@@ -91,7 +92,7 @@ impl<'a> Log<'a> {
         self.diagnostics.first_mut()
     }
 
-    /// `value` if it is there and nothing was noted; otherwise the errors.
+    /// `value` if there is one and no error was noted; otherwise the errors.
     pub(super) fn finish<T>(self, value: Option<T>, name: &str) -> Result<T, SceneError> {
         match value {
             Some(value) if self.diagnostics.is_empty() => Ok(value),

@@ -1,4 +1,4 @@
-//! Triangle meshes: the content of their files, and their place in a scene.
+//! Triangle meshes: reading and writing their files, and placing them in a scene.
 
 #[cfg(feature = "files")]
 pub(super) mod colour;
@@ -38,25 +38,26 @@ use super::setting::KeyLight;
 use super::{Camera, CameraError, Faces, MovedFaces, Scene, ToCamera, UpAxis, View};
 use crate::kernels::ColourRun;
 
-/// Triangles that share their corners.
+/// Triangles whose corners are indices into a list of vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Points, each finite, relative to the origin.
     pub vertices: Vec<Vec3>,
-    /// Where the origin is in the file's own coordinates: 0, unless the whole mesh is so far from 0
-    /// that f32 would lose digits of its shape, as it does of coordinates on maps.
+    /// The point of the file's coordinates that `vertices` are relative to: 0, unless the whole
+    /// mesh is so far from 0 that f32 would lose digits of its shape, as with map coordinates.
     pub origin: DVec3,
     /// Three indices into `vertices` for each triangle; methods panic if one is out of range.
     pub triangles: Vec<[u32; 3]>,
-    /// Their colours in linear light, in runs of consecutive triangles, each up to an end; those
-    /// after the last are white. Files hold them on the sRGB curve.
+    /// The triangles' colours in linear light (files hold them on the sRGB curve), run-length
+    /// encoded: each run is a colour and the number of the triangle that ends it. Triangles after
+    /// the last run are white.
     pub colours: Vec<ColourRun>,
-    /// How many faces of the file had more than three corners and were triangulated: the same face
-    /// if it is planar.
+    /// How many faces of the file had more than three corners and were triangulated. The
+    /// triangles cover exactly the face if that is planar.
     pub polygons: usize,
-    /// The files of materials that its colours are from, or of buffers.
+    /// The other files that were read for it: of materials (MTL) or of glTF buffers.
     pub libraries: Vec<PathBuf>,
-    /// What was dropped from the file or is not as the format demands: a sentence each.
+    /// What was dropped from the file or violates the format, in sentences for the user.
     pub notes: Vec<String>,
     /// The camera of the file, if it has one.
     pub camera: Option<FileCamera>,
@@ -71,21 +72,21 @@ pub struct FileCamera {
     pub position: DVec3,
     /// The direction of view.
     pub forward: DVec3,
-    /// What points upwards in the picture.
+    /// The direction that points upwards in the picture.
     pub up: DVec3,
-    /// The angle that a column of the picture sees, in degrees.
+    /// The vertical field of view, in degrees.
     pub field_of_view: f64,
 }
 
 impl FileCamera {
-    /// The same place in the world.
+    /// The same view in the world.
     pub(super) fn view(&self, to_world: DAffine3) -> View {
         let position = to_world.transform_point3(self.position);
         let look_at = position + to_world.transform_vector3(self.forward);
         View { position, look_at, up: to_world.transform_vector3(self.up) }
     }
 
-    /// `camera` with the film of this one.
+    /// `camera` with the film's diagonal chosen for the field of view of the file's camera.
     pub(super) fn lens(&self, camera: &Camera) -> Result<Camera, CameraError> {
         camera.with_field_of_view(self.field_of_view)
     }
@@ -103,8 +104,8 @@ pub struct FileLight {
 }
 
 impl FileLight {
-    /// The light in the world, as strong as it is at `middle` by the inverse square of the
-    /// distance.
+    /// The light in the world. Its strength is the one it has at `middle`, by the inverse
+    /// square of the distance, since lights here are not attenuated.
     pub(super) fn in_world(&self, to_world: DAffine3, middle: DVec3) -> KeyLight {
         let position = to_world.transform_point3(self.position);
         let strength = self.intensity / position.distance_squared(middle).max(f64::MIN_POSITIVE);
@@ -125,7 +126,7 @@ pub enum MeshFormat {
     Gltf,
 }
 
-/// An error of a mesh file, and its place.
+/// An error of a mesh file, and where it is.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.one_line())]
 pub struct MeshError {
@@ -133,10 +134,10 @@ pub struct MeshError {
     pub path: PathBuf,
     /// The line, from 1, if the file is text and the error has one.
     pub line: Option<usize>,
-    /// What is wrong with which element, e.g. "face 17's corner 3 refers to vertex 9, but the file
-    /// has only 3 vertices".
+    /// What is wrong with which element, e.g. "face 17's corner 3 refers to vertex 9, but the
+    /// file has only 3 vertices".
     pub message: String,
-    /// What would have been right, if that is not obvious.
+    /// What would have been valid, if that is not obvious.
     pub expected: Option<String>,
 }
 
@@ -150,7 +151,7 @@ impl MeshError {
 }
 
 impl MeshFormat {
-    /// The extension of file names, in lower case, and the format that it stands for.
+    /// The extensions of file names, in lower case, each with its format.
     pub const EXTENSIONS: &[(&str, MeshFormat)] = &[
         ("obj", MeshFormat::Obj),
         ("ply", MeshFormat::Ply),
@@ -176,14 +177,15 @@ impl MeshFormat {
         }
     }
 
-    /// The extension of its files that are usual.
+    /// The usual extension of the format's files.
     pub fn extension(self) -> &'static str {
         let known = MeshFormat::EXTENSIONS.iter().find(|(_, format)| *format == self);
         known.map_or("", |(extension, _)| extension)
     }
 
-    /// How files of this format stand in the world by default: their coordinates are right-handed,
-    /// and the world is left-handed; y is up, except in STL, which printers use, where z is.
+    /// How files of this format are placed in the world by default. Their coordinates are
+    /// right-handed, the world's are left-handed. y is up, except in STL, a format of 3D printing,
+    /// where z is.
     pub fn placement(self) -> Placement {
         self.up_axis().placement()
     }
@@ -200,13 +202,13 @@ impl fmt::Display for MeshFormat {
     }
 }
 
-/// The placement of a mesh in the world: scaled, then rotated, then translated.
+/// The placement of a mesh in the world: it is scaled, then rotated, then translated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Factors along the mesh's own axes; a negative one mirrors.
+    /// Factors along the mesh's own axes; a negative factor mirrors.
     pub scale: DVec3,
-    /// Degrees about x, then about y, then about z: 90 about x takes y to z, about y z to x, about
-    /// z x to y.
+    /// Rotations in degrees about x, then about y, then about z. 90 degrees about x turns y to
+    /// z, about y turns z to x, and about z turns x to y.
     pub rotate: DVec3,
     /// The translation, applied last.
     pub translate: DVec3,
@@ -240,7 +242,8 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 }
 
 impl Mesh {
-    /// The vertices that triangles use, each once, in their order and relative to the origin.
+    /// The vertices that triangles use, each once, in the order of `vertices` and relative to
+    /// the origin.
     pub fn used(&self) -> Cow<'_, [Vec3]> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.iter().flatten().for_each(|&index| used[index as usize] = true);
@@ -255,15 +258,15 @@ impl Mesh {
         triangle.map(|index| self.vertices[index as usize])
     }
 
-    /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`;
-    /// None beyond f32.
+    /// The mesh's triangles, mapped by `map` in f64 and then rounded once, with their colours
+    /// multiplied by `colour`; None if a corner overflows f32.
     pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
         self.moved(map, colour).map(|moved| moved.faces)
     }
 
-    /// As [`placed`](Self::placed), with the numbers of those that have no area.
+    /// As [`placed`](Self::placed), with the numbers of the triangles that have no area.
     pub(super) fn moved(mut self, map: ToCamera, colour: Vec3) -> Option<MovedFaces> {
-        // Those after the last run are white.
+        // Triangles after the last run of colours are white: store that run, too.
         self.paint_to(self.triangles.len(), Vec3::ONE);
         let Mesh { vertices, origin, triangles, mut colours, .. } = self;
         colours.iter_mut().for_each(|(_, of)| *of *= colour);
@@ -287,24 +290,25 @@ impl Mesh {
         }
     }
 
-    /// Gives all triangles colours, in their order.
+    /// Sets the colours of all triangles, given in their order.
     fn paint(&mut self, colours: impl Iterator<Item = Vec3>) {
         (1..).zip(colours).for_each(|(end, colour)| self.paint_to(end, colour));
         self.white_is_none();
     }
 
-    /// Drops colours that are all white.
+    /// Removes the runs of colours if all triangles are white, which is the default.
     fn white_is_none(&mut self) {
         self.colours.truncate(if matches!(self.colours[..], [(_, Vec3::ONE)]) { 0 } else { usize::MAX });
     }
 
-    /// The mesh of a scene's triangles, such that [`MeshFormat::placement`] of a file in this
-    /// format restores the camera's frame. Corners that are equal bit by bit become one vertex.
+    /// The mesh of a scene's triangles, in coordinates such that [`MeshFormat::placement`] of a
+    /// file in this format maps them back to the camera's coordinates. Corners with equal bits
+    /// become one vertex.
     pub fn of_scene(scene: &Scene, format: MeshFormat) -> Mesh {
         let mut known = HashMap::new();
         let mut mesh = Mesh::default();
-        // The placements are mirror images that exchange and negate axes: their own inverses, and
-        // exact.
+        // The placements only exchange and negate axes, as mirror images: each is its own
+        // inverse, and exact.
         let map = format.placement().to_world().inverse();
         for triangle in scene.all_triangles() {
             let corners = triangle.vertices.map(|vertex| {

@@ -1,21 +1,22 @@
-//! The first line of a scene file that does not hold the numbers of an object.
+//! Finds the first line of a scene file whose numbers do not form whole items of a list.
 //!
-//! If a count and its lines disagree, the mistake is there, and the error shows further down.
+//! If the count of a list disagrees with its lines, the mistake is there, although the error occurs
+//! further down.
 
 use super::log::is_line_end;
 use super::token::{Kind, next_token};
 
-/// A list whose count has been read.
+/// A list of items whose count has been read.
 pub(super) struct List {
     pub kind: &'static Kind,
-    /// Its number of items, by its count.
+    /// The number of items that the count says.
     pub count: u64,
-    /// The number of tokens in the file before its first one.
+    /// The number of tokens in the file before the list's first item.
     pub first: usize,
 }
 
-/// The first line, before the line `end`, that begins with an item and is not a whole number of
-/// items. There is none if an item takes several lines that look deliberate.
+/// The first line before line `end` that begins with an item but does not consist of whole items.
+/// None if items look as if they were deliberately split over several lines.
 pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<String> {
     let mut lines = Lines { text: text.trim_start_matches('\u{feff}'), line: 1, from: 0, at: 0 };
     let mut before = 0_usize;
@@ -42,8 +43,8 @@ pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<Str
     }
 }
 
-/// Whether an item of this many tokens takes the next lines whole, as if that were deliberate: with
-/// one token in each, or more than one in the last, since a single one looks like a count.
+/// Whether the next lines hold one item of this many tokens, as if split deliberately: with one
+/// token per line, or with more than one in the last line (a single one would look like a count).
 fn is_split(lines: Lines<'_>, tokens: usize) -> bool {
     let (mut sum, mut most) = (0, 0);
     for (_, of_line) in lines {
@@ -56,12 +57,12 @@ fn is_split(lines: Lines<'_>, tokens: usize) -> bool {
     false
 }
 
-/// The lines that have tokens, by their numbers from 1, with the number of tokens.
+/// The lines that have tokens: for each its number from 1 and the number of its tokens.
 #[derive(Clone)]
 struct Lines<'a> {
     text: &'a str,
     line: usize,
-    /// The place up to which lines have been counted, and tokens read.
+    /// Lines have been counted up to the offset `from`, and tokens read up to `at`.
     from: usize,
     at: usize,
 }
@@ -74,7 +75,7 @@ impl Iterator for Lines<'_> {
         let mut tokens = 0;
         while let Some(token) = next_token(bytes, self.at) {
             let between = &self.text[self.from..token.start];
-            // A CR LF counts once.
+            // CR LF counts as one line end.
             let ends = between.bytes().filter(|byte| is_line_end(*byte)).count() - between.matches("\r\n").count();
             if ends > 0 && tokens > 0 {
                 break;

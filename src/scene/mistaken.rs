@@ -1,17 +1,17 @@
-//! Files that are not what their names say: pointers of Git LFS, web pages, archives, pictures,
-//! text in UTF-16.
+//! Recognises files that are not what their names say: pointers of Git LFS, web pages, archives,
+//! pictures, text in UTF-16.
 
 use super::log::BYTE_ORDER_MARK;
 
-/// A file that is no scene, no mesh and no materials.
+/// A kind of file that is no scene, no mesh and no material file.
 pub(crate) struct Mistaken {
-    /// What it is: a sentence.
+    /// What the file is, in a sentence.
     pub what: &'static str,
-    /// What to do.
+    /// What the user can do.
     pub help: &'static str,
 }
 
-/// As many bytes as the start of a file needs to have for [`recognise`].
+/// How many bytes from the start of a file [`recognise`] needs.
 pub(crate) const BEGINNING: usize = 256;
 
 const UTF_16: Mistaken = Mistaken {
@@ -33,7 +33,7 @@ const XML: Mistaken = Mistaken {
 const ARCHIVE: Mistaken = Mistaken { what: "this is an archive", help: "unpack it first" };
 const PICTURE: Mistaken = Mistaken { what: "this is a picture", help: "name a file of the format that its name says" };
 
-/// The first bytes of files that can be nothing else.
+/// The first bytes of kinds of files that no readable format begins with.
 const BEGINNINGS: [(&[u8], &Mistaken); 4] = [
     (b"\xff\xfe", &UTF_16),
     (b"\xfe\xff", &UTF_16),
@@ -41,10 +41,10 @@ const BEGINNINGS: [(&[u8], &Mistaken); 4] = [
     (b"version https://hawser.github.com/", &GIT_LFS),
 ];
 
-/// The first tags of web pages.
+/// How web pages begin.
 const TAGS: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"<body"];
 
-/// The first bytes of files that may have been meant, but cannot be read.
+/// The first bytes of files that may have been chosen on purpose, but in a format that is not read.
 const BEGINNINGS_UNREAD: [(&[u8], &Mistaken); 7] = [
     (b"<?xml", &XML),
     (b"PK\x03\x04", &ARCHIVE),
@@ -55,7 +55,7 @@ const BEGINNINGS_UNREAD: [(&[u8], &Mistaken); 7] = [
     (b"\x28\xb5\x2f\xfd", &ARCHIVE),
 ];
 
-/// How files of pictures begin.
+/// The first bytes of picture formats.
 const PICTURES: [&[u8]; 13] = [
     b"\x89PNG",
     b"\xff\xd8\xff",
@@ -72,7 +72,7 @@ const PICTURES: [&[u8]; 13] = [
     b"PF",
 ];
 
-/// What a file of this beginning is, if no scene and no mesh begins so.
+/// The kind of file that begins so, if no scene and no mesh does.
 pub(crate) fn recognise(beginning: &[u8]) -> Option<&'static Mistaken> {
     let text = beginning.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(beginning).trim_ascii_start();
     let is_tag = |tag: &&[u8]| text.get(..tag.len()).is_some_and(|begins| begins.eq_ignore_ascii_case(tag));
@@ -80,13 +80,14 @@ pub(crate) fn recognise(beginning: &[u8]) -> Option<&'static Mistaken> {
     known.or(TAGS.iter().any(is_tag).then_some(&HTML)).or(is_utf_16(beginning).then_some(&UTF_16))
 }
 
-/// As [`recognise`], for a file that does not begin like a picture of a format that is read here.
+/// As [`recognise`], and for a file which is to be a picture also formats of other content that are
+/// not read.
 pub(crate) fn recognise_no_picture(beginning: &[u8]) -> Option<&'static Mistaken> {
     recognise(beginning).or_else(|| find(&BEGINNINGS_UNREAD, beginning))
 }
 
-/// As [`recognise`], for a file that could not be read: the title of a binary file may begin with
-/// anything.
+/// As [`recognise_no_picture`], also with pictures. Only for a file that could not be read, since
+/// the title of a binary file may begin with any bytes.
 pub(super) fn recognise_unread(beginning: &[u8]) -> Option<&'static Mistaken> {
     recognise_no_picture(beginning).or(is_picture(beginning).then_some(&PICTURE))
 }
@@ -95,13 +96,13 @@ fn find(known: &[(&[u8], &'static Mistaken)], beginning: &[u8]) -> Option<&'stat
     known.iter().find(|(begins, _)| beginning.starts_with(begins)).map(|(_, mistaken)| *mistaken)
 }
 
-/// Whether a file that could not be read begins as a picture.
+/// Whether a file begins as a picture. Only for a file that could not be read.
 pub(super) fn is_picture(beginning: &[u8]) -> bool {
     PICTURES.iter().any(|begins| beginning.starts_with(begins))
 }
 
-/// Whether a text has a zero in every other byte, and ASCII between: UTF-16 without a byte order
-/// mark.
+/// Whether a text looks like UTF-16 without a byte order mark: every other byte is zero, and those
+/// between are ASCII.
 fn is_utf_16(beginning: &[u8]) -> bool {
     let units = &beginning.as_chunks::<2>().0;
     let units = &units[..units.len().min(BEGINNING / 2)];

@@ -1,4 +1,5 @@
-//! What is to be seen: [`Scene`], its lights and objects, and the ways to get one.
+//! The scene that is to be rendered: [`Scene`] with its lights and objects, and the ways to read or
+//! build one.
 
 mod camera;
 #[cfg(feature = "files")]
@@ -60,44 +61,44 @@ pub use crate::kernels::Faces;
 pub use crate::kernels::Sphere;
 pub use crate::kernels::Triangle;
 
-/// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.
+/// A point light. It is not attenuated: at any distance its light is `intensity * colour`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Factor on the colour, at least 0.
+    /// A factor on the colour, at least 0.
     pub intensity: f32,
     /// Red, green, blue, each at least 0.
     pub colour: Vec3,
-    /// Where it stands, in the camera's frame (pinhole at the origin, looking along +z).
+    /// Its position in camera coordinates (pinhole at the origin, looking along +z).
     pub position: Vec3,
 }
 
 impl Light {
-    /// The largest I_L that an engine is given which has nothing but f32: half of what that holds,
-    /// so that I_L (L . N) stays finite even where the cosine of two rounded unit vectors comes out
-    /// a little above 1.
+    /// The largest I_L (eq. 11) that is passed to engines which compute in f32: half of f32's
+    /// largest number, so that I_L (L . N) stays finite even where rounding makes the cosine of two
+    /// unit vectors slightly greater than 1.
     pub const BRIGHTEST: f32 = f32::MAX / 2.0;
 
-    /// I_L of eq. 11: intensity x colour, a product that f64 holds exactly.
+    /// I_L of eq. 11, intensity x colour. f64 holds the product of two f32 exactly.
     pub fn radiance(&self) -> DVec3 {
         f64::from(self.intensity) * self.colour.as_dvec3()
     }
 
-    /// [`radiance`](Self::radiance) in f32; brighter lights are taken for [`Light::BRIGHTEST`].
+    /// [`radiance`](Self::radiance) in f32, with channels limited to [`Light::BRIGHTEST`].
     pub fn radiance_in_f32(&self) -> Vec3 {
         self.radiance().min(DVec3::splat(Self::BRIGHTEST.into())).as_vec3()
     }
 }
 
-/// Faces that were moved to the camera's frame.
+/// Faces that were transformed to camera coordinates.
 pub(crate) struct MovedFaces {
     pub faces: Faces,
-    /// The numbers of those that have no area where they are now.
+    /// The numbers of the faces that have no area after the transformation.
     pub without_area: Vec<usize>,
 }
 
 impl Faces {
-    /// Moved by `map` in f64 and rounded once; those of no area keep none. Where a corner leaves
-    /// the range of f32, the number of the first face that has one.
+    /// The faces transformed by `map` in f64 and rounded once. Faces without area still have none.
+    /// If a corner overflows f32, the error is the number of the first face with such a corner.
     fn moved(mut self, map: ToCamera) -> Result<MovedFaces, usize> {
         let mut doubtful = self.without_plain_area(map.plain_area());
         let no_area_before: Vec<usize> =
@@ -106,7 +107,7 @@ impl Faces {
             let place = |vertex: &mut Vec3| *vertex = map.point(vertex.as_dvec3()).as_vec3();
             self.vertices_mut().iter_mut().for_each(place);
         }
-        // Those that no face has may be anywhere.
+        // Only corners count: a vertex that no face uses may overflow.
         if !self.vertices().iter().all(|vertex| vertex.is_finite()) {
             let is_finite = |triangle: Triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite());
             if let Some(beyond) = self.iter().position(|triangle| !is_finite(triangle)) {
@@ -118,7 +119,8 @@ impl Faces {
         Ok(MovedFaces { faces: self, without_area: doubtful })
     }
 
-    /// Has those have no area that had none before they were moved, and rounded.
+    /// Restores that these faces have no area, where transforming and rounding their corners
+    /// separately has given them one.
     fn flatten(&mut self, faces: &[usize]) {
         for face in faces {
             if !self.get(*face).has_no_area() {
@@ -134,15 +136,16 @@ impl Faces {
         doubtful
     }
 
-    /// The indices of the faces that do not pass [`PlainArea`]'s test. It runs on 16 faces at a
-    /// time, transposed, so that a register holds one coordinate of several faces.
+    /// The indices of the faces that do not pass [`PlainArea`]'s test, and so may lack an area. The
+    /// test runs on 16 faces at a time, transposed so that a register holds one coordinate of
+    /// several faces.
     fn without_plain_area(&self, plain_area: PlainArea) -> Vec<usize> {
         const TOGETHER: usize = 16;
         let mut found = Vec::new();
         for first in (0..self.len()).step_by(TOGETHER) {
             let mut numbers = [[0.0; TOGETHER]; 9];
             for i in 0..TOGETHER {
-                // The last one in place of those that are not there.
+                // Repeat the last face to fill up the 16.
                 let [a, b, c] = self.corners_of((first + i).min(self.len() - 1));
                 let of_face = [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z];
                 numbers.iter_mut().zip(of_face).for_each(|(numbers, number)| numbers[i] = number);
@@ -163,13 +166,13 @@ impl Faces {
 }
 
 impl Triangle {
-    /// Whether its corners are on one line, or one point: no ray hits it then.
+    /// Whether the corners are collinear or equal, so that no ray hits the triangle.
     pub fn has_no_area(&self) -> bool {
         has_no_area(self.vertices)
     }
 
-    /// Puts the third corner on the first, where moving and rounding has drawn apart what had no
-    /// area.
+    /// If the triangle had no area before it was transformed and rounded, makes sure that it has
+    /// none: its third corner becomes equal to the first.
     fn flatten(&mut self) {
         if !self.has_no_area() {
             self.vertices[2] = self.vertices[0];
@@ -183,19 +186,19 @@ fn has_no_area(corners: [Vec3; 3]) -> bool {
     !PlainArea::WHERE_THEY_ARE.is_of(corners) && geometry::has_no_area(corners.map(|corner| corner.as_dvec3()))
 }
 
-/// A test in f32 which most triangles pass, and none that has no area, neither where it is nor
-/// after a move.
+/// A conservative test in f32 for triangles that have an area, both as they are and after a
+/// transformation. No triangle without area passes, and most others do.
 ///
-/// With sides a and b from the corner v1 it is |a x b|^2 > share (|a|^2 + |b|^2) (|a|^2 + |b|^2 +
-/// |v1|^2 + distance^2): without a move, a normal longer than 1e-5 of the longest side times the
-/// furthest corner. What has no area is below 1e-15 of that, and f32 loses 4e-7 of it in computing
-/// the normal.
+/// With sides a and b from the corner v1, the test is |a x b|^2 > share (|a|^2 + |b|^2) (|a|^2 +
+/// |b|^2 + |v1|^2 + distance^2). Without a transformation share is 1e-10: the normal must be longer
+/// than 1e-5 times the longest side times the furthest corner. A triangle without area has less
+/// than 1e-15 of that product, and computing the normal in f32 errs by up to 4e-7 of it.
 ///
-/// A move by a linear map with the factors s1 >= s2 >= s3 along three axes, relative to a point at
-/// some distance, leaves at least s2 s3 of the normal, and makes sides and corners at most s1 times
-/// as long, where corners count from that point; rounding moves each corner by 2^-24 of its length.
-/// So the same holds of what was moved if the test's 1e-5 is multiplied by s1^2 / (s2 s3): the
-/// rounding of corners takes up to 1.2e-6 of these.
+/// A linear map that scales by s1 >= s2 >= s3 along three axes, relative to a point at some
+/// distance, shortens the normal at most by the factor s2 s3. It lengthens sides and corners (as
+/// seen from that point) at most by s1, and rounding moves each corner by 2^-24 of its length. So
+/// for the transformed triangle the same test holds if its factor 1e-5 is multiplied by s1^2 / (s2
+/// s3): the rounding of corners contributes up to 1.2e-6 of the product.
 #[derive(Clone, Copy)]
 struct PlainArea {
     share: f32,
@@ -203,13 +206,14 @@ struct PlainArea {
 }
 
 impl PlainArea {
-    /// Of triangles that are not moved.
+    /// The test for triangles that are not transformed.
     const WHERE_THEY_ARE: PlainArea = PlainArea { share: 1e-10, distance_squared: 0.0 };
 
-    /// Of triangles that are moved by a map with these factors, relative to a point at this
-    /// distance.
+    /// The test for triangles that are transformed by a map with these scale factors, relative to a
+    /// point at this distance.
     fn after_move(mut factors: [f64; 3], distance: f64) -> PlainArea {
-        /// With other factors numbers may become subnormal or infinite: no triangle passes then.
+        /// Factors within which squares neither underflow nor overflow. With others no triangle
+        /// passes the test.
         const FACTORS: std::ops::Range<f64> = 1e-12..1e12;
         if !factors.iter().all(|factor| FACTORS.contains(factor)) {
             return PlainArea { share: f32::INFINITY, distance_squared: 0.0 };
@@ -228,53 +232,53 @@ impl PlainArea {
     }
 }
 
-/// An object of a scene by its place in its list.
+/// An object of a scene, by its kind and index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Object {
-    /// The sphere of this number in [`Scene::spheres`], from 0.
+    /// The sphere with this index in [`Scene::spheres`].
     Sphere(usize),
-    /// The triangle of this number by [`Scene::triangle`], from 0.
+    /// The triangle with this number, as [`Scene::triangle`] counts from 0.
     Triangle(usize),
 }
 
-/// What is to be seen, and from where: the content of a scene file, each number rounded once to
-/// f32, or what a program makes.
+/// Objects, lights and a camera: the content of a scene file, each number rounded once to f32, or a
+/// scene that a program builds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// The name of the picture, as the file gives it. The library writes to the names that it is
-    /// called with, and not to this.
+    /// The file name of the picture, as the scene file gives it. The library does not use it: its
+    /// functions are told the names of the files they write.
     pub name: String,
     /// Image size, focal distance and film.
     pub camera: Camera,
     /// Lights, in the order of the file.
     pub lights: Vec<Light>,
-    /// Spheres, in the order of the file. Where two objects are equally far away, the first is
-    /// seen; spheres come before triangles.
+    /// Spheres, in the order of the file. Of two objects at equal distance the first is visible;
+    /// spheres come before triangles.
     pub spheres: Vec<Sphere>,
-    /// Triangles with corners of their own, in the order of the file.
+    /// Triangles that each have their own corners, in the order of the file.
     pub triangles: Vec<Triangle>,
-    /// Those that share their corners, of which meshes are made; they come after all others.
+    /// Triangles that share vertices, as those of meshes do. They come after all others.
     pub faces: Faces,
     /// Whether objects cast shadows on each other.
     pub shadows: bool,
-    /// Where the camera stands in the world, as the file says, so that [`Scene::seen_from`] can
-    /// move it. Every point above is in the camera's frame already.
+    /// The position of the camera in the world, as the file gives it, so that [`Scene::seen_from`]
+    /// can move it. All coordinates of the scene are already relative to the camera.
     pub view: View,
 }
 
 impl Scene {
-    /// An empty scene: without lights, objects and shadows, under the name `picture.png`.
+    /// An empty scene, without lights, objects and shadows, named `picture.png`.
     pub fn new(camera: Camera) -> Self {
         let (lights, spheres, triangles, faces, shadows, view) = Default::default();
         Scene { name: "picture.png".into(), camera, lights, spheres, triangles, faces, shadows, view }
     }
 
-    /// How many triangles there are, of both kinds.
+    /// The number of triangles, of `triangles` and of `faces`.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len() + self.faces.len()
     }
 
-    /// The triangle of this number, counted from 0 in the scene's order.
+    /// The triangle with this number, from 0: first those of `triangles`, then those of `faces`.
     pub fn triangle(&self, number: usize) -> Triangle {
         match number.checked_sub(self.triangles.len()) {
             None => self.triangles[number],
@@ -282,18 +286,18 @@ impl Scene {
         }
     }
 
-    /// The corners of all triangles, those of faces once, and those that none uses.
+    /// The corners of `triangles` and all vertices of `faces`, used or not.
     pub(crate) fn vertices(&self) -> impl Iterator<Item = &Vec3> {
         self.triangles.iter().flat_map(|triangle| &triangle.vertices).chain(self.faces.vertices())
     }
 
-    /// All triangles, in the scene's order.
+    /// All triangles, in the order of their numbers.
     pub fn all_triangles(&self) -> impl Iterator<Item = Triangle> + Clone {
         self.triangles.iter().copied().chain(self.faces.iter())
     }
 
-    /// The scene with all lengths times `factor`, but for those of the camera's film: the same
-    /// picture.
+    /// The scene with all lengths multiplied by `factor`, except those of the camera's film. Its
+    /// picture is the same.
     pub fn scaled(&self, factor: f32) -> Scene {
         let _floats = StandardFloats::set();
         let mut scene = self.clone();

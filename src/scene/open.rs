@@ -1,5 +1,5 @@
-//! Scene files by their names: the paper's format, TOML, or a mesh alone, read into the one
-//! [`Scene`].
+//! Opening a file as a [`Scene`]: a scene in the paper's format or in TOML, or a mesh, molecule or
+//! point cloud for which camera and lights are chosen.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
@@ -22,12 +22,11 @@ use crate::kernels::sys::room;
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
-/// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is
-/// read.
+/// The longest scene in TOML, in bytes. Parsing takes about forty times as much memory.
 pub const MAX_TOML: u64 = 32 << 20;
-/// The most that is read from a source whose length is unknown: a pipe, a device.
+/// The most bytes that are read from a source of unknown length: a pipe or a device.
 const MAX_STREAM: u64 = 64 << 20;
-/// The message for a longer scene.
+/// What the error says about a scene file that is too long.
 const FOR_A_SCENE: &str = "too many for a scene";
 const TOO_MUCH_TOML: &str = "too many for TOML: put its triangles into a mesh file, which [[mesh]] names";
 const STANDARD_INPUT: &str = "-";
@@ -39,14 +38,15 @@ pub enum SceneFormat {
     In,
     /// TOML: a world and its camera, which may contain meshes.
     Toml,
-    /// A mesh, which is not a whole scene.
+    /// A mesh. It has no lights and mostly no camera, which are chosen for it.
     Mesh(MeshFormat),
-    /// Atoms or points, which are not a whole scene either.
+    /// Atoms or points, for which camera and lights are chosen, too.
     Cloud(CloudFormat),
 }
 
 impl SceneFormat {
-    /// The format by the file name's extension, in upper or lower case; None if it is unknown.
+    /// The format that the file name's extension tells, in upper or lower case; None if the
+    /// extension is unknown.
     pub fn from_path(path: &Path) -> Option<SceneFormat> {
         let extension = path.extension()?;
         if extension.eq_ignore_ascii_case("in") {
@@ -60,24 +60,25 @@ impl SceneFormat {
     }
 }
 
-/// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, atoms
-/// or points in `.xyz`, `.pdb` or `.cif`. With any other name, and where `-` is standard input, it
-/// is the paper's format, or TOML if its first line with content is a table or a key.
+/// Reads a scene file. The extension tells the format: `.toml` is TOML; `.obj`, `.ply`, `.stl`,
+/// `.gltf` and `.glb` are meshes; `.xyz`, `.pdb` and `.cif` are atoms or points. With any other
+/// name, or from standard input (`-`), a file is TOML if its first line that is neither blank nor a
+/// comment begins a table or assigns a key, and otherwise in the paper's format.
 ///
-/// `camera` is for a mesh or a molecule alone, which has none: it is placed to see all of it, in
-/// white unless it has colours, under a light at the left above the camera and a weaker one at the
-/// camera.
+/// `camera` is used for a file of a mesh, atoms or points alone: it is placed such that it sees all
+/// of it. Objects without colours are white. One light is at the left above the camera, and a
+/// weaker one at the camera.
 ///
 /// # Errors
-/// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more
-/// than 4 GiB (64 MiB for a pipe or a device, 32 MiB for TOML); otherwise what
-/// [`parse`](super::parse()), [`parse_toml`], [`Mesh::read`] or [`Cloud::read`] returns.
+/// [`SceneError::Read`] if the file does not exist, is a directory, may not be read, or is longer
+/// than 4 GiB (64 MiB for a pipe or a device, 32 MiB for TOML); otherwise the errors of
+/// [`parse`](super::parse()), [`parse_toml`], [`Mesh::read`] or [`Cloud::read`].
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     open_with(path, &ModelOptions::of(*camera))
 }
 
-/// As [`open`], with what is asked of a file that has no camera, of which scenes in the paper's
-/// format and in TOML take the number of threads alone.
+/// As [`open`], with options for files without a camera. For scenes in the paper's format and in
+/// TOML only the number of threads matters.
 ///
 /// # Errors
 /// As [`open`].
@@ -108,7 +109,7 @@ pub fn open_with(path: &Path, options: &ModelOptions) -> Result<Opened, SceneErr
             Some(opened) => Ok(opened),
             None => {
                 let source = contents(path).map_err(unread)?;
-                // What a pipe or /dev/stdin names is relative to where the program runs.
+                // Mesh files that a pipe or /dev/stdin names are relative to the current directory.
                 let has_place = path.is_file() && !path.starts_with("/dev");
                 let folder = if has_place { folder } else { Path::new("") };
                 read_by_content(path, &source, &name, folder)
@@ -119,7 +120,8 @@ pub fn open_with(path: &Path, options: &ModelOptions) -> Result<Opened, SceneErr
     Ok(opened)
 }
 
-/// Reads a scene in the paper's format piece by piece; None if its whole text has to be read.
+/// Reads a scene in the paper's format piece by piece; None if only the parser of whole texts can
+/// read it or report its errors.
 fn open_in_pieces(path: &Path, name: &str, threads: usize) -> Option<Opened> {
     let (file, length) = read_twice(path)?;
     let shared = SharedFile::new(&file, threads);
@@ -127,7 +129,7 @@ fn open_in_pieces(path: &Path, name: &str, threads: usize) -> Option<Opened> {
     streamed::read(&open, length, Some(shared), name)
 }
 
-/// Reads a scene whose name does not tell its format: no TOML is a scene in the paper's format.
+/// Reads a scene whose name does not tell its format: TOML if it looks so, else the paper's format.
 fn read_by_content(path: &Path, source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
     let error = match parse_with_warnings(source, name) {
         Ok(opened) => return Ok(opened),
@@ -143,16 +145,16 @@ fn read_by_content(path: &Path, source: &[u8], name: &str, folder: &Path) -> Res
     parse_toml(source, name, folder)
 }
 
-/// A file that can be read again after a first attempt failed, and its length.
+/// A regular file, which can be read again if a first attempt fails, and its length in bytes.
 pub(super) fn read_twice(path: &Path) -> Option<(File, usize)> {
     let metadata = fs::metadata(path).ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
     Some((File::open(path).ok()?, metadata.len() as usize))
 }
 
-/// The path that was probably meant in place of a missing one: a scene or a mesh in the same folder
-/// whose name differs in at most two letters or in its extension.
+/// The path that was probably meant by a missing one: a scene or mesh in the same folder whose name
+/// differs in at most two letters or in its extension.
 pub(super) fn nearest(path: &Path) -> Option<String> {
-    /// At most this many files are looked at.
+    /// The most files of a folder that are compared.
     const MOST: usize = 10_000;
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let name = path.file_name()?.to_string_lossy();
@@ -166,7 +168,8 @@ pub(super) fn nearest(path: &Path) -> Option<String> {
     Some(near.min()?.1)
 }
 
-/// Reads a scene file as [`open`] does; a mesh alone gets 800 x 600 pixels.
+/// Reads a scene file as [`open`] does; for a mesh without a camera the picture has 800 x 600
+/// pixels.
 ///
 /// # Errors
 /// As [`open`].
@@ -174,16 +177,16 @@ pub fn read(path: &Path) -> Result<Scene, SceneError> {
     Ok(open(path, &Camera::default())?.scene)
 }
 
-/// What a picture of the mesh in a file is called.
+/// The name of the picture file for a mesh file.
 pub fn picture_name(path: &Path) -> String {
-    // No picture is written under a name with unseen characters.
+    // Invisible characters are replaced, since no picture is written under a name that has some.
     format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy()).replace(is_unseen, "_")
 }
 
 fn open_mesh(path: &Path, format: MeshFormat, options: &ModelOptions) -> Result<Opened, SceneError> {
     let mesh = Mesh::read_with_threads(path, options.threads).map_err(SceneError::Mesh)?;
     let (mut notes, files) = (told(path, &mesh), mesh.libraries.clone());
-    let own = Own { camera: mesh.camera.is_some(), lights: !mesh.lights.is_empty() };
+    let own = FileProvides { camera: mesh.camera.is_some(), lights: !mesh.lights.is_empty() };
     let setting = Setting::of_mesh(&mesh, format, options).ok_or_else(|| beyond_numbers(path, "mesh"))?;
     let placed = setting.placed(mesh).and_then(|MovedFaces { faces, without_area }| {
         Some((setting.scene_of_faces(faces, picture_name(path))?, without_area))
@@ -194,14 +197,14 @@ fn open_mesh(path: &Path, format: MeshFormat, options: &ModelOptions) -> Result<
     Ok(Opened { scene, files, notes, carried_light: setting.fill_light, warnings })
 }
 
-/// Whether a PLY file is to be read as points: because it has no faces, or because they have a
+/// Whether a PLY file is to be read as a point cloud: it has no faces, or the options give points a
 /// radius.
 pub fn has_points(path: &Path, options: &ModelOptions) -> bool {
     let has_faces = || read_twice(path).and_then(|(file, length)| ply::has_faces(file, length));
     options.radius.is_some() || has_faces() == Some(false)
 }
 
-/// Opens atoms or points; those without a format are of PLY.
+/// Opens atoms or points; `format` is None for PLY.
 fn open_cloud(path: &Path, format: Option<CloudFormat>, options: &ModelOptions) -> Result<Opened, SceneError> {
     let cloud = match format {
         Some(_) => Cloud::read(path, options.frame),
@@ -227,25 +230,26 @@ fn open_cloud(path: &Path, format: Option<CloudFormat>, options: &ModelOptions) 
     let setting = Setting::of_spheres(&spheres, origin, up, options).ok_or_else(|| beyond_numbers(path, what))?;
     let scene = setting.scene_of_spheres(spheres, origin, picture_name(path));
     let scene = scene.ok_or_else(|| beyond_numbers(path, what))?;
-    notes.push(note_of_setting(what, up, Own::default(), options));
+    notes.push(note_of_setting(what, up, FileProvides::default(), options));
     Ok(Opened { scene, files: Vec::new(), notes, carried_light: setting.fill_light, warnings: Vec::new() })
 }
 
-/// The error for a file that no camera sees whole.
+/// The error for a model that no camera can show as a whole.
 fn beyond_numbers(path: &Path, what: &str) -> SceneError {
     let fault = MeshError::new(format!("the {what} is too large or too far away to be seen whole"));
     SceneError::Mesh(fault.expected("ordinary coordinates, and no extreme film or focal distance").of(path))
 }
 
-/// Whether a file has a camera and lights of its own.
+/// Whether a file provides a camera and lights.
 #[derive(Clone, Copy, Default)]
-struct Own {
+struct FileProvides {
     camera: bool,
     lights: bool,
 }
 
-/// A note of what is assumed of a file alone, as far as nothing else is asked for.
-fn note_of_setting(what: &str, up: UpAxis, own: Own, options: &ModelOptions) -> String {
+/// A note about what was chosen for a model without camera and lights, except what the options
+/// asked for.
+fn note_of_setting(what: &str, up: UpAxis, own: FileProvides, options: &ModelOptions) -> String {
     let from = |from: DVec3| format!("{} {} {}", from.x, from.y, from.z);
     let camera = match options.from {
         Some(direction) => format!("the camera sees all of it from {}", from(direction)),
@@ -262,9 +266,9 @@ fn note_of_setting(what: &str, up: UpAxis, own: Own, options: &ModelOptions) -> 
     format!("a {what} alone: {up} is up; {camera}; {lights}{fill}; `rayo convert` makes a scene of it, to be changed")
 }
 
-/// A warning of the triangles of a mesh that have no area, which are often its seams: their number,
-/// and the first of them by their numbers in the file, from 1, where a face of more corners counts
-/// as the triangles it is cut into.
+/// A warning about triangles of a mesh that have no area, as seams often have: how many there are,
+/// and the numbers of the first ones. Numbers count from 1 the triangles of the file, where a face
+/// of more corners counts as the triangles it is cut into.
 pub(super) fn no_area_of_mesh(path: &Path, numbers: &[usize]) -> Option<String> {
     const MOST: usize = 5;
     let listed: Vec<_> = numbers.iter().take(MOST).map(|number| (number + 1).to_string()).collect();
@@ -278,7 +282,7 @@ pub(super) fn no_area_of_mesh(path: &Path, numbers: &[usize]) -> Option<String> 
     }
 }
 
-/// Notes on a mesh: faces that were triangulated, and content of its file that was skipped.
+/// Notes about a mesh: faces that were triangulated, and content of its file that was skipped.
 pub(super) fn told(path: &Path, mesh: &Mesh) -> Vec<String> {
     let cut = match mesh.polygons {
         0 => None,
@@ -288,12 +292,12 @@ pub(super) fn told(path: &Path, mesh: &Mesh) -> Vec<String> {
     cut.iter().chain(&mesh.notes).map(|note| format!("{}: {note}", shown(path))).collect()
 }
 
-/// A file's bytes, up to the limit of its kind.
+/// The bytes of a file, up to [`MAX_FILE`], or [`MAX_STREAM`] for pipes and devices.
 pub(super) fn contents(path: &Path) -> io::Result<Vec<u8>> {
     contents_within(path, MAX_FILE, FOR_A_SCENE)
 }
 
-/// A file's bytes if there are at most `limit`, else an error with `advice`.
+/// The bytes of a file if there are at most `limit`, else an error with `advice`.
 pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
@@ -303,17 +307,17 @@ pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Resu
     if metadata.len() > limit {
         return Err(too_large(limit, advice));
     }
-    // The length is only what the file system says: the bytes read are limited, too.
+    // Limit the bytes that are read, too: the file may be longer than the file system said.
     within(File::open(path)?, metadata.len(), limit, advice)
 }
 
-/// The same for a text.
+/// As [`contents_within`], for text in UTF-8.
 pub fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
     String::from_utf8(contents_within(path, limit, advice)?)
         .map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
 }
 
-/// The bytes of `reader`, with room for `likely` of them from the start.
+/// The bytes of `reader`; memory for `likely` of them is allocated at the start.
 fn within(reader: impl Read, likely: u64, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let mut source = room(likely as usize);
     reader.take(limit + 1).read_to_end(&mut source)?;

@@ -1,4 +1,4 @@
-//! A scene that was read, with its reader's notes and warnings.
+//! A scene that was read from a file, with notes and warnings about it.
 
 use std::path::PathBuf;
 
@@ -10,18 +10,18 @@ use super::diagnostic::printable;
 pub struct Opened {
     /// The scene.
     pub scene: Scene,
-    /// The files that it was read from: its own, meshes, and their materials.
+    /// The files that were read: the scene's own, meshes and material files.
     pub files: Vec<PathBuf>,
-    /// What was done or assumed without being asked for, a line each.
+    /// What was done or assumed without being asked for, one note per line.
     pub notes: Vec<String>,
-    /// The index of the light that moves with the camera: of a mesh alone, the weak one at the
-    /// camera.
+    /// The index of the light that moves with the camera. A mesh alone has one: the weaker light,
+    /// at the camera.
     pub carried_light: Option<usize>,
-    /// What is probably a mistake in the file, a line each.
+    /// What is probably a mistake in the file, one warning per line.
     pub warnings: Vec<String>,
 }
 
-/// Warnings of triangles that have no area: the first ones, and the number of further ones.
+/// Warnings about triangles without area: the first ones, and the number of further ones.
 #[derive(Default)]
 pub(super) struct NoArea {
     told: Vec<String>,
@@ -29,10 +29,10 @@ pub(super) struct NoArea {
 }
 
 impl NoArea {
-    /// The most that are listed one by one.
+    /// The most triangles that are listed one by one.
     pub(super) const MOST: usize = 10;
 
-    /// Adds the triangle `which` of the file `name`, in this `line`.
+    /// Adds the triangle described by `which`, at this `line` of the file `name`.
     pub(super) fn add(&mut self, name: &str, which: &str, line: impl FnOnce() -> usize) {
         if self.told.len() < Self::MOST {
             let (name, line) = (printable(name), line());
@@ -43,12 +43,12 @@ impl NoArea {
         }
     }
 
-    /// Adds so many further ones.
+    /// Adds this many further triangles, which are not listed.
     pub(super) fn add_more(&mut self, count: usize) {
         self.more += count;
     }
 
-    /// All of them in lines.
+    /// The warnings, one per line.
     pub(super) fn warnings(mut self, name: &str) -> Vec<String> {
         if self.more > 0 {
             self.told.push(format!("{}: and {} more triangles have no area", printable(name), self.more));

@@ -1,4 +1,5 @@
-//! The paper's scene format: a byte lexer, and the parser that checks each number where it stands.
+//! The paper's scene format: a lexer on bytes, and the parser, which reports errors with their
+//! lines and columns.
 
 #[cfg(feature = "files")]
 pub(super) mod streamed;
@@ -18,19 +19,20 @@ use crate::kernels::sys::room;
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
 ///
-/// Tokens are separated by white space; `#` and `//` start a comment anywhere, in mid-token too,
-/// that runs to the end of the line (LF, CR LF or CR). A UTF-8 byte order mark is skipped. The
+/// Tokens are separated by white space. `#` and `//` start a comment anywhere, even within a token;
+/// it runs to the end of the line (LF, CR LF or CR). A UTF-8 byte order mark is skipped. The
 /// camera's film diagonal is 1. A negative zero in an intensity or a colour becomes 0.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] with up to 20 diagnostics: an invalid value is noted and reading goes
-/// on; an invalid count, the end of the file and a byte that is not UTF-8 end it. Memory stays
-/// within a small multiple of `source`, whatever the counts say, and time is linear.
+/// [`SceneError::Invalid`] with up to 20 diagnostics. After an invalid value parsing continues; an
+/// invalid count, the end of the file or a byte that is not UTF-8 ends it. The memory used stays
+/// within a small multiple of the length of `source`, whatever the counts claim; the time is linear
+/// in that length.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
     Ok(parse_with_warnings(source, name)?.scene)
 }
 
-/// As [`parse`], with a warning for each triangle that has no area.
+/// As [`parse`], with a warning for each triangle without area.
 pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
     let _floats = StandardFloats::set();
     let mut log = Log::new(source);
@@ -44,13 +46,13 @@ pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, S
     Ok(Opened { scene, files: Vec::new(), notes: Vec::new(), carried_light: None, warnings: no_area.warnings(name) })
 }
 
-/// Nothing more can be read; the reason has been noted.
+/// Parsing cannot continue; the reason has been noted.
 struct Stop;
 
-/// The hint where a comma makes a text no number.
+/// The help for a number with a comma in it.
 pub(super) const COMMA_HELP: &str = "the decimal mark is a point, and white space alone separates numbers";
 
-/// The requirement on a number.
+/// What a number has to satisfy.
 #[derive(Clone, Copy)]
 pub(super) enum Rule {
     Any,
@@ -58,20 +60,20 @@ pub(super) enum Rule {
     Positive,
 }
 
-/// Why a token is not the required number.
+/// Why a token is not a valid number.
 pub(super) struct Problem {
     pub(super) what: &'static str,
     pub(super) help: Option<&'static str>,
 }
 
-/// A number's name in a diagnostic: "the width", "sphere 3's radius".
+/// What diagnostics call a number: "the width", "sphere 3's radius".
 #[derive(Clone, Copy)]
 struct Field {
     owner: Option<Owner>,
     part: &'static str,
 }
 
-/// An item of a list, by its kind and its number from 1.
+/// An item of a list: the kind of list and the item's number from 1.
 #[derive(Clone, Copy)]
 struct Owner {
     one: &'static str,
@@ -88,29 +90,29 @@ const VERTEX_FIELDS: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], [
 struct Parser<'a, 'b> {
     name: &'b str,
     text: &'a str,
-    /// The next byte to be read.
+    /// The byte offset of the next token or of the space before it.
     at: usize,
-    /// The last token, in bytes of the text.
+    /// The byte range of the last token.
     last: Range<usize>,
-    /// The number of tokens so far.
+    /// The number of tokens read so far.
     tokens: usize,
-    /// The lists begun so far.
+    /// The lists whose counts have been read.
     lists: Vec<List>,
-    /// The list begun last.
+    /// The list whose count was read last.
     announced: Option<Announced>,
     log: &'b mut Log<'a>,
     no_area: &'b mut NoArea,
 }
 
-/// The count of a list, and its line.
+/// A list's count that has been read, and the line it is in.
 struct Announced {
     line: usize,
     count: u64,
     kind: &'static Kind,
 }
 
-/// Reads the values of a scene in the order of the format, from a whole text or from a file in
-/// pieces.
+/// A source of the values of a scene, in the order of the format: a whole text, or a file read
+/// piece by piece.
 trait Parts {
     /// The image's width and height.
     fn size(&mut self) -> Result<(u32, u32), Stop>;
@@ -121,25 +123,26 @@ trait Parts {
     /// The number of items of a list.
     fn count(&mut self, kind: &'static Kind) -> Result<u64, Stop>;
 
-    /// Reads as many of the next `count` triangles as can be read by several threads.
+    /// May append some of the next `count` triangles, if several threads can read them; the others
+    /// are read one by one.
     fn first_triangles(&mut self, _count: u64, _triangles: &mut Vec<Triangle>) -> Result<(), Stop> {
         Ok(())
     }
 
-    /// The next triangle, if it is written as nearly all are and could be read at once; None if its
-    /// numbers have to be read one by one.
+    /// The next triangle, if its text has the form that nearly all have and is in memory as a
+    /// whole; None if its numbers have to be read one by one.
     fn usual_triangle(&mut self) -> Option<Triangle> {
         None
     }
 
-    /// Notes that the triangle which was read last has no area.
+    /// Warns that the triangle read last has no area.
     fn note_no_area(&mut self, triangle: Owner) -> Result<(), Stop>;
 
-    /// Checks that the file ends here.
+    /// Checks that nothing follows.
     fn end(&mut self) -> Result<(), Stop>;
 }
 
-/// Reads what follows the image name.
+/// Reads the part of a scene after the image name.
 fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
     let (width, height) = parts.size()?;
     let focal = parts.number(Field { owner: None, part: "the focal distance" }, Rule::Positive)?;
@@ -169,7 +172,7 @@ fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
         Ok(item)
     })?;
     parts.end()?;
-    // Mistakes of the camera have been noted above.
+    // Any error of the camera's numbers has been noted above.
     let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
     Ok(Scene { name: name.to_owned(), lights, spheres, triangles, ..Scene::new(camera) })
 }
@@ -179,7 +182,8 @@ fn vector(parts: &mut impl Parts, of: Owner, [x, y, z]: [&'static str; 3], rule:
     Ok(Vec3::new(number(x)?, number(y)?, number(z)?))
 }
 
-/// A count and that many items, the first of which are read by `ahead`, and the others one by one.
+/// Reads a list: its count, then the items. `ahead` may read the first of them; the others are read
+/// one by one.
 fn list<T, P: Parts>(
     parts: &mut P,
     kind: &'static Kind,
@@ -187,7 +191,7 @@ fn list<T, P: Parts>(
     item: impl Fn(&mut P, Owner) -> Result<T, Stop>,
 ) -> Result<Vec<T>, Stop> {
     let count = parts.count(kind)?;
-    // No more than the file's bytes can hold.
+    // `count` has checked that the file has enough bytes for so many items.
     let mut items = room(count as usize);
     ahead(parts, count, &mut items)?;
     for number in items.len() as u64 + 1..=count {
@@ -196,7 +200,7 @@ fn list<T, P: Parts>(
     Ok(items)
 }
 
-/// Has all items of a list read one by one.
+/// Reads no item, so that all are read one by one.
 fn none_ahead<T, P: Parts>(_: &mut P, _count: u64, _items: &mut Vec<T>) -> Result<(), Stop> {
     Ok(())
 }
@@ -211,7 +215,8 @@ impl<'a> Parser<'a, '_> {
         };
         let name = &self.text[name];
         let scene = scene(name, &mut self);
-        // What may be the cause of the errors comes before them.
+        // Put the first line that does not hold a whole item first, since it may be the cause of
+        // the errors.
         if let Some(line) = self.log.first_mut().map(|first| first.line)
             && let Some(misfit) = first_misfit(self.text, &self.lists, line)
             && let Some(first) = self.log.first_mut()
@@ -222,14 +227,14 @@ impl<'a> Parser<'a, '_> {
         if let Some(first) = self.log.first_mut()
             && name.parse::<f64>().is_ok()
         {
-            // A forgotten name shifts all that follows, and the error shows far from its cause.
+            // A missing name shifts all values, so that an error occurs far from its cause.
             let help = "the file's first token is the image name, and here it is a number: is the name missing?";
             first.help = Some(help.to_owned());
         }
         scene
     }
 
-    /// The next token's place in the text, or `None` at the end of the file.
+    /// The byte range of the next token, or `None` at the end of the file.
     fn token(&mut self) -> Option<Range<usize>> {
         let Some(token) = next_token(self.text.as_bytes(), self.at) else {
             self.at = self.text.len();
@@ -241,20 +246,19 @@ impl<'a> Parser<'a, '_> {
         Some(token)
     }
 
-    /// The next token, which must be there.
+    /// The next token; an error if the file ends.
     fn wanted(&mut self, field: Field, expected: &str) -> Result<&'a str, Stop> {
         if let Some(token) = self.token() {
             return Ok(&self.text[token]);
         }
         let list = self.announced.as_ref().filter(|_| field.owner.is_some());
         let help = list.map(|list| format!("{list}: add what is missing or correct the count"));
-        // The place just after the last token says more than the file's last line, which may be far
-        // below it.
+        // Report the position just after the last token: the file may end many empty lines later.
         self.log.note(self.last.end..self.last.end, format_args!("{field} is missing"), expected, help);
         Err(Stop)
     }
 
-    /// A side of the image; an invalid one is replaced by 1.
+    /// The width or height of the image. An invalid one is noted and replaced by 1.
     fn side(&mut self, part: &'static str) -> Result<u32, Stop> {
         let expected = format!("a whole number from 1 to {MAX_SIDE}");
         let problem = match whole(self.wanted(Field { owner: None, part }, &expected)?) {
@@ -267,7 +271,7 @@ impl<'a> Parser<'a, '_> {
         Ok(1)
     }
 
-    /// How many tokens are left.
+    /// The number of tokens left; reads them.
     fn remaining(&mut self) -> usize {
         std::iter::from_fn(|| self.token()).count()
     }
@@ -285,7 +289,7 @@ impl Parts for Parser<'_, '_> {
         Ok((width, height))
     }
 
-    /// A number rounded to f32; an invalid one is replaced by 1.
+    /// A number rounded to f32. An invalid one is noted and replaced by 1.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
         let token = self.wanted(field, rule.expected())?;
         rule.check(token).or_else(|Problem { what, help }| {
@@ -300,7 +304,7 @@ impl Parts for Parser<'_, '_> {
         let count = whole(self.wanted(Field { owner: None, part: kind.count }, &expected)?);
         let place = self.last.clone();
         let (what, expected) = match count {
-            // A token and the white space before it take two bytes or more.
+            // Each token has at least one byte, and so has the white space before it.
             Ok(count) if count <= ((self.text.len() - self.at) / 2 / kind.tokens) as u64 => {
                 let line = self.log.line(place.start);
                 self.lists.push(List { kind, count, first: self.tokens });
@@ -326,7 +330,7 @@ impl Parts for Parser<'_, '_> {
         Ok(())
     }
 
-    /// Notes anything after the last triangle.
+    /// Notes an error if anything follows the last triangle.
     fn end(&mut self) -> Result<(), Stop> {
         let Some(token) = self.token() else { return Ok(()) };
         let extra = 1 + self.remaining();
@@ -346,15 +350,15 @@ impl Rule {
         }
     }
 
-    /// The token rounded to f32.
+    /// The token rounded to f32, if that satisfies the rule.
     pub(super) fn check(self, token: &str) -> Result<f32, Problem> {
         let problem = |what, help| Err(Problem { what, help });
         let Ok(number) = token.parse::<f32>() else {
             let comma = token.contains(',');
             return problem("is not a number", comma.then_some(COMMA_HELP));
         };
-        // `parse` accepts the words nan, inf and infinity, and returns infinity for numbers that
-        // are too large.
+        // `str::parse` accepts nan, inf and infinity, and returns infinity for numbers that are too
+        // large: reject the words, and report the large numbers as such.
         let word = !token.bytes().any(|byte| byte.is_ascii_digit());
         let zero = number == 0.0;
         match self {
@@ -369,26 +373,26 @@ impl Rule {
                 problem("rounds to 0", Some("numbers are held as f32: the smallest above 0 is 1e-45"))
             }
             Rule::Positive if zero => problem("is 0", None),
-            // -0 becomes +0.
+            // Adding 0 turns -0 into +0.
             Rule::NotNegative => Ok(number + 0.0),
             _ => Ok(number),
         }
     }
 }
 
-/// Whether a token that was read as 0 is not 0: it has another digit before the exponent.
+/// Whether a token whose number was rounded to 0 is not 0: a digit before its exponent is not 0.
 fn vanished(token: &str) -> bool {
     token.bytes().take_while(|byte| !byte.eq_ignore_ascii_case(&b'e')).any(|byte| matches!(byte, b'1'..=b'9'))
 }
 
-/// An integer of at least 0, at most `u64::MAX`, which is beyond all limits; or what is wrong with
-/// it.
+/// A non-negative integer, where too large ones become `u64::MAX`, which all limits exclude; or
+/// what is wrong with the token.
 fn whole(token: &str) -> Result<u64, &'static str> {
     let digits = token.strip_prefix(['+', '-']).unwrap_or(token);
     if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
         return Err("is not a whole number");
     }
-    // Digits can only be wrong by being too many.
+    // All characters are digits, so parsing only fails if there are too many.
     match digits.parse().unwrap_or(u64::MAX) {
         number if number > 0 && token.starts_with('-') => Err("is negative"),
         number => Ok(number),

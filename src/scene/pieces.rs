@@ -1,41 +1,43 @@
-//! A file read piece by piece.
+//! Reading a file piece by piece.
 
 use std::io::{self, BufRead, ErrorKind, Read};
 
 use memchr::memchr;
 
-/// The size of a piece, which stays in a core's caches. Getting memory for a whole file takes
-/// longer than filling it.
+/// The size of a piece, which fits into a core's caches. Allocating memory for a whole file would
+/// take longer than reading it.
 const PIECE: usize = 128 << 10;
-/// At least this much is at hand before the end: the most that is read at once.
+/// The least number of bytes in memory, except near the end of the file: more than any single item
+/// that is read at once usually takes.
 const LONGEST: usize = 16 << 10;
 
-/// The system has not given the bytes of a file.
+/// The file could not be read.
 #[derive(Debug)]
 pub(super) struct ReadFailed;
 
-/// A file, and its piece in memory.
+/// A file and the piece of it that is in memory.
 pub(super) struct Pieces<R> {
     file: R,
     bytes: Vec<u8>,
-    /// The index in `bytes` of the first that has not been read.
+    /// The index in `bytes` of the first one that has not been consumed.
     at: usize,
-    /// Whether `bytes` are the last ones.
+    /// Whether the file ends with `bytes`.
     ended: bool,
 }
 
 impl<R: Read> Pieces<R> {
-    /// For a file of this length.
+    /// A reader for a file of this length.
     pub(super) fn new(file: R, length: usize) -> Self {
         Pieces { file, bytes: Vec::with_capacity(length.min(PIECE + LONGEST)), at: 0, ended: false }
     }
 
-    /// Has [`LONGEST`] bytes at hand, or all that are left.
+    /// Reads more if fewer than [`LONGEST`] bytes are in memory; None if reading fails.
     pub(super) fn fill(&mut self) -> Option<()> {
         if self.rest().len() < LONGEST { self.lengthen() } else { Some(()) }
     }
 
-    /// Has twice as much at hand, or all that is left.
+    /// Reads until twice as many bytes are in memory, or the rest of the file; None if reading
+    /// fails.
     pub(super) fn lengthen(&mut self) -> Option<()> {
         if !self.ended {
             self.bytes.drain(..self.at);
@@ -47,18 +49,18 @@ impl<R: Read> Pieces<R> {
         Some(())
     }
 
-    /// Whether these are the last bytes.
+    /// Whether the file ends with the bytes in memory.
     pub(super) fn ended(&self) -> bool {
         self.ended
     }
 
-    /// The bytes at hand.
+    /// The bytes in memory that have not been consumed.
     pub(super) fn rest(&self) -> &[u8] {
         &self.bytes[self.at..]
     }
 
-    /// The next line, without the bytes that end it; None at the end of the file. A line of any
-    /// length is at hand as a whole.
+    /// The next line, without its line end; None at the end of the file. A line of any length is
+    /// returned as a whole.
     pub(super) fn line(&mut self) -> Result<Option<&[u8]>, ReadFailed> {
         let mut searched = 0;
         let length = loop {
@@ -79,7 +81,7 @@ impl<R: Read> Pieces<R> {
         Ok((length > 0).then_some(line))
     }
 
-    /// Marks all bytes at hand as read, except the last `left`.
+    /// Consumes all bytes in memory except the last `bytes`.
     pub(super) fn leave(&mut self, bytes: usize) {
         self.at = self.bytes.len() - bytes;
     }

@@ -1,4 +1,5 @@
-//! Scenes made from a seed, and the generator that makes them: the same on every machine.
+//! Scenes generated from a seed, and the random number generator. The results are the same on every
+//! machine.
 
 use std::f32::consts::PI;
 
@@ -6,22 +7,22 @@ use glam::Vec3;
 
 use super::{Camera, Light, Scene, Sphere, Triangle};
 
-/// SplitMix64 (Steele, Lea and Flood, 2014): a counter in steps of the golden ratio, and a mixing
-/// function.
+/// SplitMix64 (Steele, Lea and Flood, 2014): a counter that advances by the golden ratio times
+/// 2^64, and a mixing function.
 ///
-/// Not for secrets. The sequence of a seed never changes.
+/// Not cryptographically secure. The sequence of a seed never changes between versions.
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
 }
 
 impl Rng {
-    /// The generator at the start of the seed's sequence.
+    /// The generator at the start of the sequence of this seed.
     pub fn new(seed: u64) -> Self {
         Rng { state: seed }
     }
 
-    /// Any of the 2⁶⁴ values, all as likely.
+    /// A uniformly distributed value.
     pub fn next_u64(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = self.state;
@@ -30,12 +31,12 @@ impl Rng {
         mixed ^ (mixed >> 31)
     }
 
-    /// A number in [0, 1), a multiple of 2⁻²⁴.
+    /// A uniform number in [0, 1), a multiple of 2⁻²⁴.
     pub fn next_f32(&mut self) -> f32 {
         (self.next_u64() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// A number from `low` to `high`, which rounding can reach.
+    /// A uniform number between `low` and `high`. Rounding may produce `high` itself.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.next_f32()
     }
@@ -43,7 +44,7 @@ impl Rng {
 
 #[cfg(all(test, feature = "files"))]
 impl Rng {
-    /// Changes a text at one place: inserts one of these pieces, replaces a byte by one, or removes
+    /// Mutates a text at one position: inserts one of `pieces`, replaces a byte by one, or removes
     /// up to three bytes.
     pub(crate) fn change(&mut self, text: &mut Vec<u8>, pieces: &[&[u8]]) {
         if text.is_empty() {
@@ -59,16 +60,16 @@ impl Rng {
     }
 }
 
-/// The share of the picture that the objects would cover if none hid another.
+/// The share of the picture that the objects would cover if none overlapped.
 const COVER: f32 = 0.55;
-/// The depths between which the objects lie.
+/// The smallest and the largest depth of objects.
 const DEPTHS: (f32, f32) = (20.0, 60.0);
-/// Half of what a film of diagonal 1 sees at depth 1 in an image of 4:3: width and height are 0.8
-/// and 0.6.
+/// Half of the width and height that the camera sees at depth 1: a film of diagonal 1 in the format
+/// 4:3 is 0.8 wide and 0.6 high.
 const HALF_VIEW: (f32, f32) = (0.4, 0.3);
 
-/// A scene of small spheres and triangles, spread over the whole picture at different depths and in
-/// different sizes, under two lights; 640 x 480 pixels, focal distance 1, film 1.
+/// A scene of small spheres and triangles of various sizes, spread evenly over the picture at
+/// various depths, under two lights; 640 x 480 pixels, focal distance 1, film diagonal 1.
 ///
 /// All numbers have at most three decimals. The same arguments give the same scene on every
 /// machine.
@@ -90,28 +91,28 @@ pub fn many(spheres: usize, triangles: usize, seed: u64) -> Scene {
     }
 }
 
-/// The place of an object.
+/// The position, size and colour of an object.
 struct Spot {
     centre: Vec3,
-    /// Half of its extent.
+    /// Half of the object's extent.
     size: f32,
     colour: Vec3,
 }
 
-/// A sequence of places that fills the picture evenly: each step is an irrational share of the
-/// width and of the height. Those of Roberts' R₂ sequence, 1/g and 1/g² with g³ = g + 1, leave the
-/// fewest gaps.
+/// A sequence of points that fills the picture evenly: each step adds an irrational share of the
+/// width and of the height. The shares are those of Roberts' R₂ sequence, 1/g and 1/g² with g³ = g
+/// + 1, which leave the smallest gaps.
 struct Spots {
     across: f32,
     up: f32,
-    /// The mean radius at depth 1.
+    /// The mean radius of an object, as seen at depth 1.
     radius: f32,
 }
 
 impl Spots {
     fn new(rng: &mut Rng, count: usize) -> Self {
         let view = 4.0 * HALF_VIEW.0 * HALF_VIEW.1;
-        // count circles of this radius have COVER of the picture's area.
+        // `count` circles of this radius have the area COVER times the picture's.
         let radius = (COVER * view / (PI * count.max(1) as f32)).sqrt();
         Spots { across: rng.next_f32(), up: rng.next_f32(), radius }
     }
@@ -122,10 +123,10 @@ impl Spots {
         let depth = rng.between(DEPTHS.0, DEPTHS.1);
         let x = HALF_VIEW.0 * (2.0 * self.across - 1.0);
         let y = HALF_VIEW.1 * (2.0 * self.up - 1.0);
-        // Many small ones and a few large.
+        // Squaring makes small objects frequent and large ones rare.
         let large = rng.next_f32();
         let size = self.radius * depth * (0.45 + 1.5 * large * large);
-        // The hue turns along the diagonal of the picture, with some freedom.
+        // The hue varies along the diagonal of the picture, plus a random part.
         let hue = 0.45 * (self.across + self.up) + rng.between(0.0, 0.25);
         let colour = colour(hue, rng.between(0.45, 0.85), rng.between(0.75, 1.0));
         Spot { centre: Vec3::new(x * depth, y * depth, depth), size, colour }
@@ -137,11 +138,12 @@ impl Spot {
         Sphere { radius: tidy(self.size), colour: self.colour, centre: self.centre.map(tidy) }
     }
 
-    /// A triangle about the spot, not quite regular, turned and tilted at random.
+    /// A triangle around the point, slightly irregular, with a random orientation.
     fn triangle(&self, rng: &mut Rng) -> Triangle {
         let (x, y) = direction(rng);
         let slope = (rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
-        // A third of a turn, without the sine that each machine rounds in its own way.
+        // Rotation by a third of a turn. Constants, since the sine function differs between
+        // machines.
         const COSINE: f32 = -0.5;
         const SINE: f32 = 0.866_025_4;
         let third = |(x, y): (f32, f32)| (COSINE * x - SINE * y, SINE * x + COSINE * y);
@@ -154,7 +156,7 @@ impl Spot {
     }
 }
 
-/// A unit vector in the plane: a point of the unit disc, put on its rim.
+/// A random unit vector in the plane: a random point of the unit disc, normalised.
 pub fn direction(rng: &mut Rng) -> (f32, f32) {
     loop {
         let (x, y) = (rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
@@ -165,9 +167,9 @@ pub fn direction(rng: &mut Rng) -> (f32, f32) {
     }
 }
 
-/// Red, green and blue of a hue (1 is a whole turn), a saturation and a value in [0, 1].
+/// The RGB colour of a hue (1 is a full turn), a saturation and a value in [0, 1].
 fn colour(hue: f32, saturation: f32, value: f32) -> Vec3 {
-    // Each channel is a trapezium over the turn, and they are a third of a turn apart.
+    // Over the hue, each channel is a trapezoid, shifted by a third of a turn against the others.
     let channel = |shift: f32| {
         let share = (((hue + shift).fract() * 6.0 - 3.0).abs() - 1.0).clamp(0.0, 1.0);
         tidy(value * (1.0 - saturation * (1.0 - share)))
@@ -175,7 +177,7 @@ fn colour(hue: f32, saturation: f32, value: f32) -> Vec3 {
     Vec3::new(channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0))
 }
 
-/// Rounded to three decimals, so that the scene reads well as text.
+/// A number rounded to three decimals, so that the scene's text is easy to read.
 fn tidy(number: f32) -> f32 {
     (number * 1000.0).round() / 1000.0
 }

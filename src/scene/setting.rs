@@ -1,4 +1,5 @@
-//! From a file without a camera to a scene: which way is up, from where it is seen, and its lights.
+//! The setting for a file without a camera: which way is up, the position of the camera, and the
+//! lights.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,38 +9,39 @@ use glam::{DAffine3, DVec3, Vec3};
 use super::mesh::{FileCamera, FileLight, Mesh, MeshFormat, Placement};
 use super::{Camera, Faces, Light, MovedFaces, Scene, Sphere, View};
 
-/// What is asked of a file that has no camera of its own, a mesh or a molecule alone, in place of
-/// what is usual. Directions are in the file's own axes.
+/// Options for a mesh, molecule or point cloud without a scene file: each replaces what would be
+/// chosen by default. Directions are in the file's own coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelOptions {
     /// The size of the picture, the focal distance and the film.
     pub camera: Camera,
-    /// The file's axis that stands upright. Default: y, but z in STL files and clouds of points in
-    /// XYZ.
+    /// The axis of the file that points upwards. Default: y, or z in STL files and in point clouds
+    /// in XYZ.
     pub up: Option<UpAxis>,
-    /// The direction to the camera, which sees all of the file. Default: to the front, the right
-    /// and above, or the file's own camera.
+    /// The direction from the model to the camera, which is placed such that it sees all of the
+    /// model. Default: the file's own camera, or else to the front, the right and above.
     pub from: Option<DVec3>,
-    /// The directions to its lights. Default: one at the left above the camera, or the file's own
-    /// lights.
+    /// The directions from the model to its lights. Default: the file's own lights, or else one at
+    /// the left above the camera.
     pub lights: Vec<DVec3>,
-    /// How much of the light, which is 1 in all, comes from the camera and leaves no side black.
-    /// Default: 0.2.
+    /// The share of the light that comes from the position of the camera, so that no visible side
+    /// is black. All lights together have 1. Default: 0.2.
     pub ambient: Option<f32>,
     /// A factor on the colours of all objects.
     pub colour: Vec3,
-    /// The radius of all points or atoms. Default: the file's own, atoms' van der Waals radii, or
-    /// what suits their number.
+    /// The radius of all points or atoms. Default: the radii of the file, atoms' van der Waals
+    /// radii, or a radius that suits the number of points.
     pub radius: Option<f32>,
-    /// The number of the frame, or model, of several in a file, counted from 1. Default: the first.
+    /// The number, from 1, of the frame or model to read from a file with several. Default: the
+    /// first.
     pub frame: Option<usize>,
-    /// How many threads may read a long text, in OBJ or in the paper's format: the scene is the
-    /// same. Default: 1.
+    /// How many threads may read a long text, in OBJ or in the paper's format. The scene does not
+    /// depend on it. Default: 1.
     pub threads: usize,
 }
 
 impl ModelOptions {
-    /// Nothing but a camera.
+    /// The default options for a camera.
     pub fn of(camera: Camera) -> Self {
         ModelOptions {
             camera,
@@ -55,18 +57,18 @@ impl ModelOptions {
     }
 }
 
-/// An axis of a file that stands upright.
+/// The axis of a file's coordinates that points upwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpAxis {
-    /// To the right in most files.
+    /// The axis to the right in most files.
     X,
     /// The opposite of x.
     NegativeX,
-    /// As in most files for pictures.
+    /// Upwards in most files for graphics.
     Y,
     /// The opposite of y.
     NegativeY,
-    /// As in files of CAD and of maps.
+    /// Upwards in files of CAD and in maps.
     Z,
     /// The opposite of z.
     NegativeZ,
@@ -83,7 +85,7 @@ impl UpAxis {
         ("-z", UpAxis::NegativeZ),
     ];
 
-    /// How a file of right-handed axes stands in the world, which is left-handed and has y upright.
+    /// The placement, in the left-handed world with y up, of a file with right-handed coordinates.
     pub fn placement(self) -> Placement {
         let rotate = match self {
             UpAxis::X => DVec3::new(0.0, 0.0, 90.0),
@@ -126,16 +128,16 @@ impl fmt::Display for UpAxis {
     }
 }
 
-/// A light in a world.
+/// A light in world coordinates.
 pub(super) struct WorldLight {
     pub intensity: f32,
     pub colour: Vec3,
     pub position: DVec3,
 }
 
-/// A light of which only the share in all light is known.
+/// A light whose share of all light is still to be computed.
 pub(super) struct KeyLight {
-    /// Its strength beside the others.
+    /// Its strength relative to the other lights.
     pub strength: f64,
     pub colour: Vec3,
     pub position: DVec3,
@@ -147,32 +149,32 @@ impl KeyLight {
     }
 }
 
-/// The way from a file alone to a scene: how it stands in the world, from where it is seen, and its
+/// How a model without a scene file becomes a scene: its placement in the world, the camera and the
 /// lights.
 pub struct Setting {
-    /// The file in the world.
+    /// The placement of the file's coordinates in the world.
     pub placement: Placement,
     /// The size of the picture, the focal distance and the film.
     pub camera: Camera,
-    /// The camera's place.
+    /// The position and orientation of the camera.
     pub view: View,
     /// A factor on the colours of all objects.
     pub colour: Vec3,
     /// Whether objects cast shadows on each other.
     pub shadows: bool,
     pub(super) lights: Vec<WorldLight>,
-    /// The index of the light at the camera, which a camera that moves takes with it; None if there
-    /// is none.
+    /// The index of the fill light at the camera, which moves with the camera; None if there is
+    /// none.
     pub fill_light: Option<usize>,
 }
 
-/// What is to be seen whole.
+/// The points or spheres that the camera has to see.
 enum Extent<'a> {
     Points(&'a [Vec3]),
     Spheres(&'a [Sphere]),
 }
 
-/// A file's own camera and lights.
+/// The camera and lights that a file provides.
 #[derive(Default)]
 struct OfFile<'a> {
     camera: Option<FileCamera>,
@@ -180,27 +182,29 @@ struct OfFile<'a> {
 }
 
 impl Setting {
-    /// The share of the light at the camera, the fill light. All lights together have 1, so that
-    /// nothing that is not brighter than white is clipped, wherever they shine from; what is in the
-    /// shadow of all others has a fifth of the light, which is 49 % grey on the sRGB curve.
+    /// The default share of the fill light, the one at the camera. All lights together have 1, so
+    /// that no surface of a colour up to white is clipped, whatever the directions of the lights. A
+    /// surface in the shadow of all other lights gets a fifth of the light, which is 49 % grey on
+    /// the sRGB curve.
     const FILL: f32 = 0.2;
 
-    /// For a mesh of a format: it stands upright, is seen whole, and lit from the left above the
-    /// camera, and from the camera.
+    /// The setting for a mesh of a format: upright, with all of it visible, and lit from the left
+    /// above the camera and from the camera.
     ///
-    /// Nothing where its size is beyond numbers.
+    /// None if coordinates are so large that no camera can see all of it.
     pub fn of(mesh: &Mesh, format: MeshFormat, camera: &Camera) -> Option<Setting> {
         Setting::of_mesh(mesh, format, &ModelOptions::of(*camera))
     }
 
-    /// The same, in place of which the options may ask for something else.
+    /// As [`of`](Self::of), with options.
     pub fn of_mesh(mesh: &Mesh, format: MeshFormat, options: &ModelOptions) -> Option<Setting> {
         let placement = options.up.unwrap_or(format.up_axis()).placement();
         let of_file = OfFile { camera: mesh.camera, lights: &mesh.lights };
         Setting::around(&Extent::Points(&mesh.used()), mesh.origin, placement, &of_file, options)
     }
 
-    /// For spheres, which are relative to an origin in the coordinates of their file.
+    /// The setting for spheres, whose centres are relative to `origin` in the coordinates of their
+    /// file.
     pub fn of_spheres(spheres: &[Sphere], origin: DVec3, up: UpAxis, options: &ModelOptions) -> Option<Setting> {
         let placement = options.up.unwrap_or(up).placement();
         Setting::around(&Extent::Spheres(spheres), origin, placement, &OfFile::default(), options)
@@ -216,7 +220,8 @@ impl Setting {
         let to_world = placement.to_world();
         let mut framed = framing(extent, to_world, options)?;
         if origin != DVec3::ZERO {
-            // Seen from near the origin, where no digits are lost; it is moved there as a whole.
+            // The view was computed relative to `origin`, where no digits are lost; shift it as a
+            // whole.
             let origin = to_world.transform_point3(origin);
             framed.position += origin;
             framed.look_at += origin;
@@ -229,7 +234,7 @@ impl Setting {
         let to_camera = view.to_camera().ok()?;
         let away = view.position.distance(middle);
         let key_lights = if !options.lights.is_empty() {
-            // Twice as far away as a camera that sees all is outside of it.
+            // Twice the distance of the camera, which itself is outside of the model.
             let away = 2.0 * framed.position.distance(middle);
             let place = |light: &DVec3| Some(middle + to_world.matrix3 * light.try_normalize()? * away);
             let places: Option<Vec<DVec3>> = options.lights.iter().map(place).collect();
@@ -246,7 +251,7 @@ impl Setting {
         are_finite.then_some(Setting { placement, camera, view, colour, shadows, lights, fill_light })
     }
 
-    /// The same from another view, to which the light at the camera goes along.
+    /// The setting from another view. The light at the camera moves along.
     #[must_use]
     pub fn seen_from(mut self, view: View) -> Setting {
         self.view = view;
@@ -256,23 +261,23 @@ impl Setting {
         self
     }
 
-    /// The scene of this mesh in the camera's frame; nothing where it leaves the range of f32.
+    /// The scene of this mesh in camera coordinates; None if a coordinate overflows f32.
     pub fn scene(&self, mesh: Mesh, name: String) -> Option<Scene> {
         let MovedFaces { faces, .. } = self.placed(mesh)?;
         self.scene_of_faces(faces, name)
     }
 
-    /// A mesh in the camera's frame; nothing where it leaves the range of f32.
+    /// The mesh in camera coordinates; None if a coordinate overflows f32.
     pub(super) fn placed(&self, mesh: Mesh) -> Option<MovedFaces> {
         mesh.moved(self.view.to_camera().ok()?.of_placed(&self.placement), self.colour)
     }
 
-    /// The scene of a mesh that is placed.
+    /// The scene of faces that are in camera coordinates already.
     pub(super) fn scene_of_faces(&self, faces: Faces, name: String) -> Option<Scene> {
         Some(Scene { faces, ..self.empty_scene(name)? })
     }
 
-    /// The scene of these spheres, as [`scene`](Self::scene).
+    /// The scene of these spheres; None as for [`scene`](Self::scene).
     #[cfg(feature = "files")]
     pub fn scene_of_spheres(&self, spheres: Vec<Sphere>, origin: DVec3, name: String) -> Option<Scene> {
         let map = self.view.to_camera().ok()?.of_placed(&self.placement);
@@ -280,7 +285,7 @@ impl Setting {
         Some(Scene { spheres, ..self.empty_scene(name)? })
     }
 
-    /// The lights in the camera's frame, and no object.
+    /// The scene with the lights in camera coordinates, but without objects.
     fn empty_scene(&self, name: String) -> Option<Scene> {
         let to_camera = self.view.to_camera().ok()?;
         let in_frame = |light: &WorldLight| {
@@ -292,8 +297,8 @@ impl Setting {
     }
 }
 
-/// The view that sees all from the direction that is asked for, or else from the front, the right
-/// and above.
+/// The view that shows everything from the direction that the options ask for, or else from the
+/// front, the right and above.
 fn framing(extent: &Extent<'_>, to_world: DAffine3, options: &ModelOptions) -> Option<View> {
     let eye = match options.from {
         Some(from) => to_world.matrix3 * from.try_normalize()?,
@@ -308,8 +313,8 @@ fn framing(extent: &Extent<'_>, to_world: DAffine3, options: &ModelOptions) -> O
     })
 }
 
-/// Lights that have 1 together with the fill light at the camera, and the index of that. None of
-/// them is without light.
+/// The lights such that they and the fill light at the camera have 1 together, and the index of the
+/// fill light. Lights without strength are left out.
 fn shared(key_lights: &[KeyLight], camera: DVec3, fill: f32) -> (Vec<WorldLight>, Option<usize>) {
     let all: f64 = key_lights.iter().map(|light| light.strength).sum();
     let rest = f64::from(1.0 - fill);
@@ -319,7 +324,7 @@ fn shared(key_lights: &[KeyLight], camera: DVec3, fill: f32) -> (Vec<WorldLight>
         lights.push(WorldLight { intensity: (rest * share) as f32, colour, position });
     }
     lights.retain(|light| light.intensity > 0.0);
-    // No shadow of a light at the camera can be seen from there.
+    // The light at the camera casts no shadow that is visible from the camera.
     let fill_light = (fill > 0.0).then_some(lights.len());
     if fill_light.is_some() {
         lights.push(WorldLight { intensity: fill, colour: Vec3::ONE, position: camera });

@@ -1,5 +1,5 @@
-//! Scene files in TOML: a world and its camera, checked key by key, transformed to the camera's
-//! frame.
+//! Scene files in TOML: they describe objects in the world and a camera. Each key is checked, and
+//! everything is transformed to camera coordinates.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -18,21 +18,22 @@ use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, MovedFaces, Opened, Scen
 use crate::kernels::StandardFloats;
 use crate::reference::geometry;
 
-/// The default focal distance and diagonal of the film: those of Algorithm 1.
+/// The default focal distance and film diagonal: the values of Algorithm 1.
 const FOCAL: f32 = 1.0;
 const FILM: f32 = 1.0;
 
-/// Reads a scene in TOML; diagnostics call the file `name`, and mesh files are relative to
+/// Reads a scene in TOML. Diagnostics call the file `name`; paths of mesh files are relative to
 /// `folder`.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] with up to 20 diagnostics; mesh files are read only if the text has no
-/// errors. Memory stays within a multiple of `source` and of the mesh files, and time is linear.
+/// [`SceneError::Invalid`] with up to 20 diagnostics. Mesh files are read only if the text has no
+/// errors. The memory used stays within a multiple of the lengths of `source` and of the mesh
+/// files, and the time is linear in them.
 pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
     parse_with_threads(source, name, folder, 1)
 }
 
-/// As [`parse_toml`], where up to this many threads read each mesh.
+/// As [`parse_toml`], with up to this many threads to read each mesh.
 pub(super) fn parse_with_threads(
     source: &[u8],
     name: &str,
@@ -44,7 +45,7 @@ pub(super) fn parse_with_threads(
     let Some((text, start)) = log.text() else { return log.finish(None, name) };
     let mut reader = Reader { start, notes: Vec::new(), folder, threads, no_area: Vec::new() };
     let (table, errors) = DeTable::parse_recoverable(&text[start..]);
-    // After the first mistake of the text itself, others are often its consequences.
+    // Report only the first syntax error: further ones are often its consequences.
     let opened = match errors.iter().min_by_key(|error| error.span().map_or(usize::MAX, |span| span.start)) {
         Some(error) => {
             let (message, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), "TOML"));
@@ -71,7 +72,8 @@ pub(super) fn parse_with_threads(
     Ok(opened)
 }
 
-/// Help where a backslash in a path, as Windows writes them, begins an escape that does not exist.
+/// The help for a path written with backslashes, as on Windows, of which one begins an unknown
+/// escape.
 fn help_on_escapes(text: &str, place: &Range<usize>, message: &str) -> Option<String> {
     let line_start = text[..place.start].rfind('\n').map_or(0, |at| at + 1);
     let is_of_escape = ["escape", "hex", "unicode"].iter().any(|word| message.contains(word));
@@ -81,10 +83,10 @@ fn help_on_escapes(text: &str, place: &Range<usize>, message: &str) -> Option<St
 const ON_BACKSLASHES: &str = "in double quotes a backslash begins an escape, such as \\t for a tab: write the path with / or \
                               in 'single quotes'";
 
-/// The hint where a comma stands in a number.
+/// The help for a number with a decimal comma.
 const DECIMAL_MARK: &str = "the decimal mark is a point: 0.5 in place of 0,5";
 
-/// Help where a place begins with a comma between two digits.
+/// The help for an error at a comma between two digits.
 fn help_on_comma(text: &str, span: &Range<usize>) -> Option<String> {
     let is_digit = |byte: Option<&u8>| byte.is_some_and(u8::is_ascii_digit);
     let (before, after) = text.as_bytes().split_at(span.start);
@@ -92,8 +94,8 @@ fn help_on_comma(text: &str, span: &Range<usize>) -> Option<String> {
     is_in_number.then(|| DECIMAL_MARK.to_owned())
 }
 
-/// A place with something to be shown: if the error is between two words, the next one of the line,
-/// else the one before.
+/// The byte range to show for an error. An empty one is replaced by the word that begins there, or
+/// else by the word before.
 fn visible(text: &str, span: Range<usize>) -> Range<usize> {
     let after = text.get(span.start..).unwrap_or_default();
     if !span.is_empty() || after.trim_ascii().is_empty() {
@@ -116,26 +118,26 @@ struct Note {
 }
 
 struct Reader<'a> {
-    /// The start of the TOML in the file, after a byte order mark.
+    /// The byte offset where the TOML begins, after a byte order mark.
     start: usize,
-    /// In any order: values are visited in the order of the scene, not of the file.
+    /// The errors, in the order in which values are read, which is not that of the file.
     notes: Vec<Note>,
-    /// Triangles that have no area: their places, and their names.
+    /// Triangles without area: their byte offsets in the file, and what messages call them.
     no_area: Vec<(usize, String)>,
     folder: &'a Path,
-    /// How many threads may read a mesh.
+    /// How many threads may read a mesh file.
     threads: usize,
 }
 
-/// A table with known keys.
+/// A table whose keys have been checked.
 struct Fields<'t> {
-    /// "sphere 3" or "the camera".
+    /// What messages call the table: "sphere 3" or "the camera".
     owner: String,
     table: &'t DeTable<'t>,
     span: Range<usize>,
 }
 
-/// A number as the nearest f32, and as the nearest f64 for computations before rounding.
+/// A number rounded to f32, and to f64 for transformations.
 #[derive(Clone, Copy)]
 struct Number {
     single: f32,
@@ -167,7 +169,7 @@ impl Fields<'_> {
         format!("{}'s {key}", self.owner)
     }
 
-    /// The place of a key's value, or else of the header.
+    /// The byte range of a key's value, or of the table's header if the key is missing.
     fn span(&self, key: &str) -> Range<usize> {
         self.get(key).map_or(self.span.clone(), Spanned::span)
     }
@@ -232,13 +234,13 @@ impl Reader<'_> {
         if !self.notes.is_empty() {
             return None;
         }
-        // Mistakes of the camera have been noted above.
+        // Any error of the camera's numbers has been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
         let scene = Scene { name: file, camera, lights, spheres, triangles, faces, shadows, view };
         Some(Opened { scene, files, notes: told, carried_light: None, warnings })
     }
 
-    /// The file name, the width and the height of the picture, and whether it has shadows.
+    /// The name, width and height of the picture, and whether it has shadows.
     fn image(&mut self, root: &Fields<'_>, name: &str) -> (String, u32, u32, bool) {
         let stem = Path::new(name).file_stem().unwrap_or("image".as_ref()).to_string_lossy();
         let default = format!("{stem}.png");
@@ -261,8 +263,8 @@ impl Reader<'_> {
         (file, width, height, self.is_set(&fields, "shadows"))
     }
 
-    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and
-    /// the view that it is of.
+    /// The focal distance, the film's diagonal, the map from world to camera coordinates, and the
+    /// view that defines it.
     fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera, View) {
         let keys = ["focal", "film", "position", "look_at", "up"];
         let Some(fields) = self.table(root, "camera", "the camera", &keys) else {
@@ -310,14 +312,14 @@ impl Reader<'_> {
         Placement { scale, rotate, translate }
     }
 
-    /// The path of a mesh file. As Windows writes it, it may have backslashes, which are read as
-    /// slashes on other systems unless there is a file of just that name.
+    /// The path of a mesh file. Backslashes, as in paths from Windows, are taken for slashes on
+    /// other systems, unless a file with exactly that name exists.
     fn mesh_path(&self, file: &str) -> PathBuf {
         let path = self.folder.join(file);
         if path.exists() { path } else { self.folder.join(file.replace('\\', "/")) }
     }
 
-    /// The triangles of a mesh file in the camera's frame.
+    /// The triangles of a mesh file in camera coordinates.
     fn mesh(
         &mut self,
         fields: &Fields<'_>,
@@ -373,7 +375,7 @@ impl Reader<'_> {
         })
     }
 
-    /// A point in the camera's frame, rounded once.
+    /// A point mapped to camera coordinates in f64 and rounded once.
     fn moved(&mut self, fields: &Fields<'_>, key: &str, to_camera: ToCamera, point: Point) -> Vec3 {
         if to_camera == ToCamera::IDENTITY {
             return single(point);
@@ -386,7 +388,7 @@ impl Reader<'_> {
         moved
     }
 
-    /// Each table of a list, such as every [[light]].
+    /// The tables of an array, such as every [[light]].
     fn list<'t>(&mut self, root: &'t Fields<'_>, key: &str, keys: &[&str]) -> Vec<Fields<'t>> {
         let Some(value) = root.get(key) else { return Vec::new() };
         let expected = format!("[[{key}]] above the keys of each one");
@@ -420,7 +422,7 @@ impl Reader<'_> {
         Some(fields)
     }
 
-    /// Notes unknown keys.
+    /// Notes an error for each unknown key.
     fn known(&mut self, fields: &Fields<'_>, keys: &[&str]) {
         for key in fields.table.keys() {
             let word = key.get_ref().as_ref();
@@ -468,7 +470,7 @@ impl Reader<'_> {
         None
     }
 
-    /// True or false, which is the default.
+    /// The boolean at a key; false if the key is missing.
     fn is_set(&mut self, fields: &Fields<'_>, key: &str) -> bool {
         let Some(value) = fields.get(key) else { return false };
         value.get_ref().as_bool().unwrap_or_else(|| {
@@ -494,7 +496,7 @@ impl Reader<'_> {
         self.point(fields, key, Rule::Any).unwrap_or([Number::of(0.0); 3])
     }
 
-    /// Three numbers, if the key is there and they are valid.
+    /// The three numbers at a key; None if the key is missing or a number is invalid.
     fn point(&mut self, fields: &Fields<'_>, key: &str, rule: Rule) -> Option<Point> {
         self.numbers(fields.get(key)?, &fields.name(key), rule)
     }
@@ -519,7 +521,8 @@ impl Reader<'_> {
     fn number(&mut self, value: &Spanned<DeValue<'_>>, name: &str, rule: Rule) -> Option<Number> {
         let token = match value.get_ref() {
             DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().to_owned(),
-            // A number in another base needs no more than 64 bits.
+            // Integers may be in hexadecimal, octal or binary. One beyond i128 becomes a decimal
+            // number too large for f32.
             DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix())
                 .map_or_else(|_| "1e99".to_owned(), |number| number.to_string()),
             DeValue::Float(float) => float.as_str().to_owned(),
@@ -548,7 +551,7 @@ impl Reader<'_> {
         self.notes.push(Note { span, message: message.into(), expected: expected.into(), help: None });
     }
 
-    /// Adds help, where there is some, to the last note.
+    /// Adds `help`, if any, to the note made last.
     fn help(&mut self, help: Option<String>) {
         if let (Some(_), Some(note)) = (&help, self.notes.last_mut()) {
             note.help = help;
@@ -570,7 +573,7 @@ fn kind(value: &DeValue<'_>) -> &'static str {
     }
 }
 
-/// "`a`, `b` or `c`".
+/// A list of keys such as "`a`, `b` or `c`".
 fn one_of(keys: &[&str]) -> String {
     let quoted: Vec<_> = keys.iter().map(|key| format!("`{key}`")).collect();
     let (last, rest) = quoted.split_last().expect("a table has keys");

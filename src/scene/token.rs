@@ -1,22 +1,22 @@
-//! The tokens of the paper's scene format, and the objects that they make.
+//! The tokens of the paper's scene format, and the kinds of lists that they form.
 
 use std::ops::Range;
 
 use super::log::is_line_end;
 
-/// The film diagonal of Algorithm 1; the format cannot give another.
+/// The film diagonal of Algorithm 1. The paper's format cannot express another one.
 pub(super) const FILM: f32 = 1.0;
 
-/// The three lists of a scene.
+/// One of the three lists of a scene: lights, spheres, triangles.
 pub(super) struct Kind {
     pub(super) one: &'static str,
     pub(super) many: &'static str,
     pub(super) count: &'static str,
-    /// The number of tokens of an item.
+    /// The number of tokens of each item.
     pub(super) tokens: usize,
 }
 
-/// The first token at or after a place.
+/// The byte range of the first token at or after an offset.
 pub(super) fn next_token(bytes: &[u8], mut at: usize) -> Option<Range<usize>> {
     let comment = |at: usize| bytes[at] == b'#' || bytes[at] == b'/' && bytes.get(at + 1) == Some(&b'/');
     while at < bytes.len() {

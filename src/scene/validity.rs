@@ -1,4 +1,4 @@
-//! Whether the numbers of a scene that was built in code are valid.
+//! Checks the numbers of scenes that programs build.
 
 use glam::Vec3;
 
@@ -8,7 +8,7 @@ use super::Scene;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must be {expected}, not {found}")]
 pub struct InvalidScene {
-    /// The owner of the number: "sphere 2's radius", counted from 1 in the scene's order.
+    /// What the number is: "sphere 2's radius", for example, counted from 1 in the scene's order.
     pub field: String,
     /// The valid values.
     pub expected: &'static str,
@@ -21,10 +21,10 @@ const POSITIVE: &str = "finite and greater than 0";
 const NOT_NEGATIVE: &str = "finite and at least 0";
 
 impl Scene {
-    /// Checks that every number is valid, as it is in every scene that was read from a file.
+    /// Checks that every number is valid. Scenes read from files always are.
     ///
     /// # Errors
-    /// Names the first invalid one.
+    /// The first invalid number.
     pub fn check(&self) -> Result<(), InvalidScene> {
         self.check_lights()?;
         for (i, sphere) in self.spheres.iter().enumerate() {
@@ -46,7 +46,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The same for lights alone: checking a million objects takes a while.
+    /// Checks the lights only, since checking a million objects takes a while.
     pub(crate) fn check_lights(&self) -> Result<(), InvalidScene> {
         for (i, light) in self.lights.iter().enumerate() {
             if !(light.intensity.is_finite() && light.intensity >= 0.0) {

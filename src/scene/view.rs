@@ -1,5 +1,5 @@
-//! Where the camera stands in the world or moves, the transformation to its frame, and a camera
-//! that frames a mesh.
+//! The position and orientation of the camera in the world, the transformation to camera
+//! coordinates, and views that show all of a model.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
@@ -7,24 +7,26 @@ use super::mesh::Placement;
 use super::{Camera, PlainArea, Scene};
 use crate::kernels::StandardFloats;
 
-/// A camera's place in the world, whose axes are the paper's: at rest x points to the right, y up,
-/// and z away.
+/// The camera's position and orientation in the world, whose coordinates are left-handed as in the
+/// paper: for the default view x points to the right, y upwards, and z away from the viewer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where the pinhole is.
+    /// The position of the pinhole.
     pub position: DVec3,
-    /// What is in the middle of the picture.
+    /// The point in the middle of the picture.
     pub look_at: DVec3,
-    /// What points upwards in the picture, as far as the direction of view lets it.
+    /// The direction that points upwards in the picture. Only its part perpendicular to the
+    /// direction of view matters.
     pub up: DVec3,
 }
 
-/// The map from a world, or from what is placed in it, to the camera's frame: p becomes `linear` (p
-/// - `position`).
+/// The map from world coordinates, or from those of an object placed in the world, to camera
+/// coordinates: p is mapped to `linear` (p - `position`).
 ///
-/// What is near to the camera keeps its digits however far both are from the origin: the difference
-/// is rounded once, by 2^-53 of itself at most, and its product with a rotation by some 2^-51 of
-/// its length; a translation of `linear` times `position` would be rounded by 2^-53 of that.
+/// Points near the camera keep their precision, however far both are from the origin: the
+/// difference has a rounding error of at most 2^-53 of itself, and its product with a rotation one
+/// of about 2^-51 of its length. A translation by `linear` times `position`, added after the
+/// product, would have an error of 2^-53 of that translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToCamera {
     pub(super) linear: DMat3,
@@ -32,89 +34,91 @@ pub struct ToCamera {
 }
 
 impl ToCamera {
-    /// Everything where it is.
+    /// The identity map.
     pub const IDENTITY: ToCamera = ToCamera { linear: DMat3::IDENTITY, position: DVec3::ZERO };
 
-    /// The place of a point, seen from the camera.
+    /// The camera coordinates of a point.
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.linear * (point - self.position)
     }
 
-    /// The map to this camera from the frame of another one, whose own map is `other`.
+    /// The map to this camera's coordinates from those of another camera, whose map from the world
+    /// is `other`.
     fn after_frame_of(&self, other: &ToCamera) -> ToCamera {
         if self == other {
-            // Nothing moves, and nothing is rounded.
+            // Exactly the identity, so that nothing is rounded.
             return ToCamera::IDENTITY;
         }
         let linear = self.linear * other.linear.transpose();
         ToCamera { linear, position: other.linear * (self.position - other.position) }
     }
 
-    /// The map for points whose coordinates are relative to `origin`, a point of the world that
-    /// this map takes.
+    /// The map for points that are given relative to `origin`, a point in the coordinates that this
+    /// map takes.
     pub(super) fn for_points_from(&self, origin: DVec3) -> ToCamera {
         ToCamera { position: self.position - origin, ..*self }
     }
 
-    /// The test of triangles that have an area before and after they are moved.
+    /// The test for triangles that surely have an area before and after this map.
     pub(super) fn plain_area(&self) -> PlainArea {
         let DMat3 { x_axis, y_axis, z_axis } = self.linear;
         PlainArea::after_move([x_axis, y_axis, z_axis].map(DVec3::length), self.position.length())
     }
 
-    /// The map from what is placed in the world so.
+    /// The map from the coordinates of an object with this placement in the world.
     pub fn of_placed(&self, placement: &Placement) -> ToCamera {
         let DAffine3 { matrix3, translation } = placement.to_world();
         let (scale, away) = (placement.scale.to_array(), self.position - translation);
-        // The columns are those of a rotation, each times a factor.
+        // The columns of `matrix3` are those of a rotation, each times a scale factor, so that the
+        // inverse is the transpose divided by the factors squared.
         let position = DVec3::from([0, 1, 2].map(|i| (matrix3.col(i) / scale[i]).dot(away) / scale[i]));
         ToCamera { linear: self.linear * matrix3, position }
     }
 }
 
-/// Why nothing can be seen from a view.
+/// Why a view has no picture.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ViewError {
-    /// It looks at where it is, or the distance is beyond numbers.
+    /// `look_at` equals `position`, or their distance overflows.
     #[error("the camera looks at where it stands, which is no direction")]
     Direction,
-    /// Up is zero, or parallel to the view.
+    /// `up` is zero, or parallel to the direction of view.
     #[error("the camera's up is parallel to its view, or zero")]
     Up,
-    /// A point leaves the range of f32, seen from the camera: whose, such as "sphere 2's centre",
-    /// counted from 1 in the scene's order.
+    /// A coordinate relative to the camera overflows f32. The text names it, such as "sphere 2's
+    /// centre", counted from 1 in the scene's order.
     #[error("{0} leaves the range of f32, seen from the camera")]
     Range(String),
 }
 
 impl Default for View {
-    /// At the origin, looking along +z: the paper's camera.
+    /// The paper's camera: at the origin, looking along +z.
     fn default() -> Self {
         View { position: DVec3::ZERO, look_at: DVec3::Z, up: DVec3::Y }
     }
 }
 
 impl View {
-    /// The map from the world to the camera's frame.
+    /// The map from world to camera coordinates.
     ///
     /// # Errors
-    /// Where there is no direction to look in, or `up` does not tell which way is up in the
-    /// picture.
+    /// If the direction of view is undefined, or if `up` is parallel to it.
     pub fn to_camera(self) -> Result<ToCamera, ViewError> {
         let _floats = StandardFloats::set();
         let forward = (self.look_at - self.position).try_normalize().ok_or(ViewError::Direction)?;
         let up = self.up.try_normalize().ok_or(ViewError::Up)?;
-        // An angle of less than about 1e-6 would leave little of the direction to the right.
+        // Within about 1e-6 radians of the direction of view, `up` would leave little precision for
+        // the direction to the right.
         let right = Some(up.cross(forward)).filter(|it| it.length() > 1e-6).ok_or(ViewError::Up)?.normalize();
         let rows = DMat3::from_cols(right, forward.cross(right), forward).transpose();
         Ok(ToCamera { linear: rows, position: self.position })
     }
 
-    /// The view after an orbit by `part` of a turn to the right, about the world's up, around the
-    /// point in the middle of the picture at this depth.
+    /// The view after an orbit by `part` of a full turn to the right, about the axis along `up`
+    /// through the point in the middle of the picture at this depth.
     ///
     /// # Errors
-    /// If there is nothing to be seen from this view.
+    /// If this view has no picture.
     pub fn orbit(self, depth: f64, part: f64) -> Result<View, ViewError> {
         let _floats = StandardFloats::set();
         let to_camera = self.to_camera()?;
@@ -125,8 +129,8 @@ impl View {
         if position == DVec3::ZERO {
             return Ok(self);
         }
-        // As long as the way there, in whatever unit: a step of 1 would be lost in the digits of a
-        // place far away.
+        // Look at a point as far away as the camera has moved: at a distance of 1, the difference
+        // of the two points could lose its digits far from 0.
         let look_at = position + turn * DVec3::Z * position.length();
         let to_world = to_camera.linear.transpose();
         let point_in_world = |point: DVec3| to_world * point + self.position;
@@ -137,10 +141,10 @@ impl View {
         })
     }
 
-    /// A view of items from the direction `eye` in the world, as near as `camera` sees all of them
-    /// with some room around. `ball` is the place of an item and a radius around it, and `to_world`
-    /// the map of places to the world, which keeps lengths. From straight above or below, what is
-    /// further away is up.
+    /// A view in the direction `eye` of the world (from the model to the camera) that shows all
+    /// items with a margin, from as near as possible with this `camera`. `ball` gives the centre of
+    /// an item and a radius around it; `to_world` maps centres to the world and must preserve
+    /// lengths. Seen from straight above or below, what is further away is up.
     pub(super) fn framing<T>(
         items: &[T],
         ball: impl Fn(&T) -> (Vec3, f32),
@@ -148,7 +152,8 @@ impl View {
         camera: &Camera,
         eye: DVec3,
     ) -> View {
-        /// So many items, which are neighbours in most files, have a box of their own.
+        /// This many consecutive items, which are near each other in most files, share a bounding
+        /// box.
         const TOGETHER: usize = 64;
         let from = |up: DVec3| View { position: eye, look_at: DVec3::ZERO, up };
         let around = [from(DVec3::Y), from(DVec3::Z)].into_iter().find(|view| view.to_camera().is_ok());
@@ -168,9 +173,9 @@ impl View {
         let (low, high) = boxes.iter().copied().fold(nowhere, both);
         let middle = (low + high) / 2.0;
         let grid = camera.grid::<f64>();
-        // Within the share ROOM of the film: |x| f / (z + distance) <= ROOM w for each point, and
-        // for a ball a plane through the pinhole and the edge of that share of the film stays a
-        // radius away.
+        // Everything must be within the share ROOM of the film. A point with coordinates x, z
+        // satisfies |x| f / (z + distance) <= ROOM w; a ball must be a radius away from the plane
+        // through the pinhole and the edge of that part of the film.
         const ROOM: f64 = 0.9;
         let needed = |across: f64, half: f64, z: f64, radius: f64| {
             let half = ROOM * half;
@@ -184,14 +189,14 @@ impl View {
         for (items, (low, high)) in items.chunks(TOGETHER).zip(boxes) {
             let (low, high) = (low - middle, high - middle);
             let furthest = low.abs().max(high.abs());
-            // No item of the box needs more.
+            // Otherwise no item in the box needs a larger distance.
             if needed(furthest.with_z(low.z), 0.0) > distance {
                 let balls = items.iter().map(turned);
                 distance = balls.map(|(place, radius)| needed(place - middle, radius)).fold(distance, f64::max);
             }
         }
-        // A mesh as thin as the direction of view has no size across; it is kept in front all the
-        // same.
+        // A mesh along the direction of view may be a single point in the picture, for which any
+        // distance suits: keep the mesh in front of the camera.
         let depth = (high.z - low.z) / 2.0;
         let distance = distance.max(1.01 * depth);
         let distance = if distance > 0.0 { distance } else { 1.0 };
@@ -201,12 +206,12 @@ impl View {
 }
 
 impl Scene {
-    /// The scene as a camera sees it that stands elsewhere in the same world. Every point is moved
-    /// in f64 from the frame of this scene's own [`view`](Scene::view) to that of the new one, and
-    /// rounded once; its own view changes nothing. A scene that is made in code, with the default
-    /// view, is its own world.
+    /// The scene seen by a camera elsewhere in the same world. Every point is transformed in f64
+    /// from the coordinates of this scene's own [`view`](Scene::view) to those of the new one and
+    /// rounded once. With the scene's own view nothing changes. For a scene that a program made
+    /// with the default view, the scene's coordinates are those of the world.
     ///
-    /// A camera that moves sees the same world from one view after the other:
+    /// A camera that moves through the world:
     ///
     /// ```
     /// use rayo::glam::{DVec3, Vec3};
@@ -234,10 +239,10 @@ impl Scene {
     /// # }
     /// ```
     ///
-    /// [`MovingCamera`] does the same again and again, and sooner.
+    /// For many views, [`MovingCamera`] does the same faster.
     ///
     /// # Errors
-    /// If there is nothing to be seen from either view, and where a point leaves the range of f32.
+    /// If either view has no picture, or if a coordinate overflows f32.
     pub fn seen_from(&self, view: View) -> Result<Scene, ViewError> {
         let mut camera = MovingCamera::of(self);
         camera.seen_from(view)?;
@@ -245,8 +250,8 @@ impl Scene {
     }
 }
 
-/// A world as a camera that moves sees it: what every view gives is put where the one before it
-/// was. It gives what [`Scene::seen_from`] does, and takes no new memory for it.
+/// A scene seen by a camera that moves. Each view gives the same as [`Scene::seen_from`], but
+/// overwrites the one before instead of allocating memory.
 ///
 /// ```
 /// use rayo::glam::{DVec3, Vec3};
@@ -272,20 +277,21 @@ impl Scene {
 /// # }
 /// ```
 ///
-/// `examples/moving_camera.rs` goes round a mesh of a million triangles, and measures it.
+/// `examples/moving_camera.rs` moves around a mesh of a million triangles and measures the time of
+/// each frame.
 pub struct MovingCamera<'a> {
     world: &'a Scene,
     seen: Scene,
-    /// The triangles and the faces of the world that have no area.
+    /// The numbers of the world's triangles and faces that have no area.
     flat: (Vec<usize>, Vec<usize>),
-    /// The largest of all coordinates, or infinity where one is no number.
+    /// The largest absolute coordinate, or infinity if one is NaN.
     furthest: f32,
-    /// The light that goes with the camera, by its index.
+    /// The index of the light that moves with the camera.
     carried_light: Option<usize>,
 }
 
 impl<'a> MovingCamera<'a> {
-    /// Makes room for a copy of the world. This takes longer than a move.
+    /// Copies the world, which takes longer than transforming it to a view.
     pub fn of(world: &'a Scene) -> Self {
         let _floats = StandardFloats::set();
         let places = world.vertices().chain(world.lights.iter().map(|light| &light.position));
@@ -302,32 +308,33 @@ impl<'a> MovingCamera<'a> {
         MovingCamera { world, seen: world.clone(), flat, furthest, carried_light: None }
     }
 
-    /// Has the camera carry a light of the world, by its index, as [`Opened::carried_light`] gives
-    /// it for the scene of a file: the light keeps its place in the camera's frame.
+    /// Makes a light of the world move with the camera, so that it keeps its position relative to
+    /// the camera. `carried_light` is its index, which [`Opened::carried_light`] gives for files.
     ///
     /// [`Opened::carried_light`]: crate::Opened::carried_light
     pub fn carrying_light(self, carried_light: Option<usize>) -> Self {
         MovingCamera { carried_light, ..self }
     }
 
-    /// Sets the camera of its views from the next one on: of another size, or with another film.
+    /// Sets the camera for the views from the next one on: another image size or film.
     pub fn set_camera(&mut self, camera: Camera) {
         self.seen.camera = camera;
     }
 
-    /// Sets whether objects cast shadows in its views from the next one on.
+    /// Sets whether objects cast shadows in the views from the next one on.
     pub fn set_shadows(&mut self, shadows: bool) {
         self.seen.shadows = shadows;
     }
 
-    /// As [`Scene::seen_from`], with the camera and the shadows that were set.
+    /// As [`Scene::seen_from`], with the camera and shadows that were set here.
     ///
     /// # Errors
-    /// As there; then what was seen before is lost.
+    /// As [`Scene::seen_from`]. After an error the last view is no longer available.
     pub fn seen_from(&mut self, view: View) -> Result<&Scene, ViewError> {
         let _floats = StandardFloats::set();
         let to_camera = view.to_camera()?.after_frame_of(&self.world.view.to_camera()?);
-        // Zeros keep their signs.
+        // Keep the points as they are: transforming them by the identity would lose the signs of
+        // zeros.
         let at_rest = to_camera == ToCamera::IDENTITY;
         let moved = |point: Vec3| {
             if at_rest { point } else { to_camera.point(point.as_dvec3()).as_vec3() }
@@ -345,10 +352,10 @@ impl<'a> MovingCamera<'a> {
         for (seen, vertex) in seen.faces.vertices_mut().iter_mut().zip(world.faces.vertices()) {
             *seen = moved(*vertex);
         }
-        // A turn makes a number at most root three times as large.
+        // A rotation makes a coordinate at most sqrt(3) times as large.
         let reach = 2.0 * (f64::from(self.furthest) + to_camera.position.abs().max_element());
         if reach >= f32::MAX.into() {
-            // The world had numbers.
+            // The world's own numbers are valid, so that an invalid one has overflowed.
             seen.check().map_err(|beyond| ViewError::Range(beyond.field))?;
         }
         let (triangles, faces) = &self.flat;
@@ -364,17 +371,17 @@ impl<'a> MovingCamera<'a> {
 
 impl Scene {
     /// The view after an orbit around the scene: [`View::orbit`] of the scene's own view, at its
-    /// [`middle_depth`](Self::middle_depth). That visits every object, so that a camera that keeps
-    /// moving should compute it once.
+    /// [`middle_depth`](Self::middle_depth). That depth is computed from all objects, so that a
+    /// camera that moves often should compute it once.
     ///
     /// # Errors
-    /// If there is nothing to be seen from the scene's own view.
+    /// If the scene's own view has no picture.
     pub fn orbit(&self, part: f64) -> Result<View, ViewError> {
         self.view.orbit(self.middle_depth(), part)
     }
 
-    /// The depth of the middle of all objects, seen from the camera: halfway from the nearest
-    /// centre or corner to the furthest. 0 where there is no object.
+    /// The depth halfway between the nearest and the furthest centre or corner of all objects; 0 if
+    /// there is no object.
     pub fn middle_depth(&self) -> f64 {
         let _floats = StandardFloats::set();
         let depths = self.spheres.iter().map(|sphere| sphere.centre.z).chain(self.vertices().map(|vertex| vertex.z));

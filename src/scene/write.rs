@@ -1,4 +1,4 @@
-//! A scene as text in the paper's format, such that reading it restores the scene to the last bit.
+//! Writing a scene as text in the paper's format; reading it restores the scene to the last bit.
 
 use std::fmt::{self, Write};
 

@@ -1,5 +1,5 @@
-//! A scene, or a mesh and its view, as text in TOML, such that reading it restores the scene to the
-//! last bit.
+//! Writing a scene, or a mesh and its setting, as text in TOML; reading it restores the scene to
+//! the last bit.
 
 use std::fmt::{self, Display, Write};
 
@@ -10,7 +10,8 @@ use super::write::Decimal;
 use super::{Camera, Scene, Setting, Sphere, Triangle};
 
 impl Scene {
-    /// The scene in TOML: its camera at rest, so that every number is the scene's own.
+    /// The scene in TOML, with the camera in its default view, so that every number is the scene's
+    /// own.
     ///
     /// [`parse_toml`](super::parse_toml()) restores the same scene, bit by bit, if its name is not
     /// empty.
@@ -43,9 +44,10 @@ impl Scene {
 }
 
 impl Setting {
-    /// The scene of a mesh file in TOML, which names the file; `name` is that of the picture.
+    /// The scene of a mesh file in TOML. The text refers to the mesh by the path `file`; `name` is
+    /// the name of the picture.
     ///
-    /// Reading it gives the scene that [`Setting::scene`] makes of the same mesh.
+    /// Reading the text gives the scene that [`Setting::scene`] returns for the same mesh.
     pub fn to_toml(&self, file: &str, name: &str) -> String {
         let mut text = String::new();
         self.write_toml(&mut text, file, name).expect("a String takes all that is written to it");
@@ -84,12 +86,12 @@ fn write_lens(out: &mut String, camera: &Camera) -> fmt::Result {
     writeln!(out, "\n[camera]\nfocal = {}\nfilm = {}", Decimal(camera.focal()), Decimal(camera.film()))
 }
 
-/// A string in TOML; JSON's are the same but for one character.
+/// A string in TOML. JSON escapes the same characters, except U+007F.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007f")
 }
 
-/// Three numbers in TOML.
+/// Three numbers as a TOML array.
 struct Array<T>(T);
 
 impl Display for Array<Vec3> {

@@ -1,5 +1,5 @@
-//! CIF: the atoms of its loop of atom sites, with places in ångströms (mmCIF) or in fractions of a
-//! crystal's cell.
+//! CIF: the atoms of the file's loop of atom sites, with coordinates in ångströms (mmCIF) or as
+//! fractions of a crystal's unit cell.
 
 use std::io::Read;
 
@@ -12,7 +12,7 @@ use crate::scene::diagnostic::brief;
 use crate::scene::mesh::number::Number;
 use crate::scene::pieces::Pieces;
 
-/// The atoms of a model, counted from 1.
+/// Reads the atoms of one model; `frame` is its number from 1.
 pub(super) fn read(pieces: &mut Pieces<impl Read>, length: usize, frame: Option<usize>) -> Result<Cloud, Stop> {
     let mut reader = Reader { wanted: frame.unwrap_or(1), length, ..Reader::default() };
     let mut is_in_text = false;
@@ -20,7 +20,7 @@ pub(super) fn read(pieces: &mut Pieces<impl Read>, length: usize, frame: Option<
     while let Some(line) = pieces.line()? {
         line_number += 1;
         let words = match (is_in_text, line.strip_prefix(b";")) {
-            // A text of several lines ends where a line begins with a semicolon.
+            // A text of several lines ends at a line that begins with a semicolon.
             (true, None) => continue,
             (true, Some(rest)) => {
                 is_in_text = false;
@@ -41,16 +41,16 @@ pub(super) fn read(pieces: &mut Pieces<impl Read>, length: usize, frame: Option<
     reader.finish(frame)
 }
 
-/// What a column of the loop of atom sites is read for.
+/// What a column of the loop of atom sites holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
     /// One of x, y and z in ångströms.
     Place(usize),
-    /// One of x, y and z as a fraction of the cell.
+    /// One of x, y and z as a fraction of the unit cell.
     Fraction(usize),
-    /// The symbol of the element.
+    /// The symbol of the chemical element.
     Symbol,
-    /// The label, which begins with the symbol.
+    /// The label of the atom, which begins with the element's symbol.
     Label,
     /// The number of the model.
     Model,
@@ -58,8 +58,8 @@ enum Role {
 }
 
 impl Role {
-    /// The role of a column of this name, in lower case, or None in other loops. In mmCIF a point
-    /// stands in the place of an underscore.
+    /// The role of the column of this tag, in lower case; None if the tag is not of atom sites.
+    /// Where CIF has an underscore after `_atom_site`, mmCIF has a point.
     fn of(tag: &str) -> Option<Role> {
         let name = tag.strip_prefix("_atom_site")?;
         Some(match name.strip_prefix(['.', '_'])? {
@@ -77,25 +77,26 @@ impl Role {
     }
 }
 
-/// What the next values belong to.
+/// What the values that come next belong to.
 #[derive(Default)]
 enum State {
     #[default]
     Between,
-    /// A single tag, whose value follows.
+    /// A single tag outside of loops, whose value comes next.
     Tag(String),
-    /// The names of a loop's columns; their roles, if it is that of the atom sites.
+    /// The tags of a loop, which name its columns: their roles, and whether the loop has the
+    /// coordinates of atom sites.
     Columns { roles: Vec<Role>, are_atoms: bool },
-    /// The rows of atom sites.
+    /// The rows of the loop of atom sites.
     Atoms { roles: Vec<Role> },
     /// The rows of another loop.
     Others,
 }
 
-/// An atom site as far as it has been read.
+/// The values of an atom site read so far.
 #[derive(Clone, Copy, Default)]
 struct Site {
-    /// The number of values of its row that have been read.
+    /// The number of values of the current row read so far.
     values: usize,
     place: [Option<Number>; 3],
     fractions: [Option<f64>; 3],
@@ -105,23 +106,23 @@ struct Site {
 
 #[derive(Default)]
 struct Reader {
-    /// The number of the model that is wanted, from 1.
+    /// The number of the model to read, from 1.
     wanted: usize,
     /// The length of the file in bytes.
     length: usize,
     state: State,
     site: Site,
-    /// The name of the current model, and how many there have been.
+    /// The name of the current model, and the number of models begun so far.
     model: Vec<u8>,
     models: usize,
-    /// The number of rows so far.
+    /// The number of rows of atom sites read so far.
     rows: usize,
-    /// The atoms with places in ångströms.
+    /// The atoms with coordinates in ångströms.
     made: Made,
-    /// The atoms with places in fractions of the cell.
+    /// The atoms with coordinates as fractions of the unit cell.
     in_cell: Vec<(Kind, DVec3)>,
     cell: UnitCell,
-    /// The number of atoms without a place.
+    /// The number of atoms without coordinates.
     placeless: usize,
     has_ended: bool,
 }
@@ -173,7 +174,8 @@ impl Reader {
     fn tag(&mut self, tag: String) -> Result<(), MeshError> {
         if let State::Columns { roles, are_atoms } = &mut self.state {
             let role = Role::of(&tag);
-            // Other loops of atom sites have their thermal motion, or their types.
+            // Loops of atom sites without coordinates hold the atoms' thermal motion or their
+            // types.
             *are_atoms |= matches!(role, Some(Role::Place(_) | Role::Fraction(_)));
             roles.push(role.unwrap_or(Role::Unread));
             return Ok(());
@@ -183,7 +185,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Ends a loop, whose last row has to be whole.
+    /// Ends a loop; an error if its last row is incomplete.
     fn end_loop(&mut self) -> Result<(), MeshError> {
         let columns = if let State::Atoms { roles } = &self.state { roles.len() } else { 0 };
         let values = self.site.values;
@@ -199,7 +201,8 @@ impl Reader {
     fn value(&mut self, value: &[u8]) -> Result<(), MeshError> {
         if let State::Columns { roles, are_atoms } = &mut self.state {
             let roles = std::mem::take(roles);
-            // A second loop of atom sites is that of another structure.
+            // Only the first loop of atom sites is read: a second one describes another
+            // structure.
             let is_first = *are_atoms && self.rows == 0 && !roles.is_empty();
             self.state = if is_first { State::Atoms { roles } } else { State::Others };
         }
@@ -224,7 +227,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Takes a value of an atom site.
+    /// Stores a value of an atom site.
     fn site_value(&mut self, role: Role, value: &[u8]) -> Result<(), MeshError> {
         let is_missing = matches!(value, b"." | b"?");
         match role {
@@ -241,7 +244,8 @@ impl Reader {
         Ok(())
     }
 
-    /// A coordinate, behind which its uncertainty may stand in parentheses.
+    /// A coordinate. Its uncertainty may follow in parentheses, as in `1.234(5)`, and is
+    /// ignored.
     fn number(&self, axis: usize, value: &[u8]) -> Result<Number, MeshError> {
         let end = value.iter().position(|byte| *byte == b'(').unwrap_or(value.len());
         let number = Number::of_word(&value[..end]).filter(|number| number.single.is_finite());
@@ -263,7 +267,8 @@ impl Reader {
             let single = [x.single, y.single, z.single].into();
             let double = [x.double, y.double, z.double].into();
             if self.made.len() == 0 {
-                // A short row, with its place alone, has 16 bytes.
+                // Guess the number of atoms from the file's length. A row of coordinates alone
+                // has about 16 bytes, a usual one 64 or more.
                 self.made = Made::in_room_for_atoms(self.length / 64 + 1);
             }
             self.made.push(&Entry::atom(kind, single, double));
@@ -312,13 +317,14 @@ impl Reader {
     }
 }
 
-/// Where a quoted value ends: at the same quote, before a blank or the end of the line.
+/// Where a quoted value ends: at the closing quote, which a blank or the end of the line
+/// follows.
 fn end_of_quoted(text: &[u8], quote: u8) -> usize {
     let ends = |at: &usize| text[*at] == quote && text.get(at + 1).is_none_or(u8::is_ascii_whitespace);
     (0..text.len()).find(ends).unwrap_or(text.len())
 }
 
-/// The cell of a crystal: lengths in ångströms and angles in degrees.
+/// The unit cell of a crystal: lengths in ångströms and angles in degrees.
 #[derive(Default)]
 struct UnitCell {
     lengths: [Option<f64>; 3],
@@ -326,7 +332,7 @@ struct UnitCell {
 }
 
 impl UnitCell {
-    /// Takes the value of a tag, if it is one of the cell's.
+    /// Stores the value of a tag if the tag is one of the unit cell's.
     fn set(&mut self, tag: &str, value: &[u8]) {
         let Some(name) = tag.strip_prefix("_cell").and_then(|name| name.strip_prefix(['.', '_'])) else { return };
         let place = match name {
@@ -342,12 +348,12 @@ impl UnitCell {
         *place = Number::of_word(&value[..end]).map(|number| number.double).filter(|number| *number > 0.0);
     }
 
-    /// The cell's axes as columns: a along x, b in the plane of x and y.
+    /// The unit cell's axes a, b and c as columns: a along x, b in the plane of x and y.
     fn axes(&self) -> Option<DMat3> {
         let [a, b, c] = [self.lengths[0]?, self.lengths[1]?, self.lengths[2]?];
         let right = Some(90.0);
         let angles = self.angles.map(|angle| angle.or(right).unwrap_or_default());
-        // The cosine of a right angle is exactly 0.
+        // `cos` of 90 degrees in radians is not exactly 0.
         let cosine = |degrees: f64| if degrees == 90.0 { 0.0 } else { degrees.to_radians().cos() };
         let [alpha, beta, gamma] = angles.map(cosine);
         let sine = (1.0 - gamma * gamma).sqrt();

@@ -17,13 +17,13 @@ const fn element(symbol: &'static str, radius: f32, colour: u32) -> Element {
     Element { symbol, radius, colour }
 }
 
-/// The elements by their atomic numbers, from 1.
+/// The elements by atomic number, from hydrogen (1) at index 0.
 ///
 /// Radii: A. Bondi, "van der Waals Volumes and Radii", J. Phys. Chem. 68 (1964) 441, for the
-/// main-group elements that are in it; for all others S. Alvarez, "A cartography of the van der
-/// Waals territories", Dalton Trans. 42 (2013) 8617; and 2 for those that are in neither. Colours:
-/// those of Jmol, which go on from the colours of the models of Corey, Pauling and Koltun (CPK); it
-/// has none beyond meitnerium, whose colour the heavier ones have.
+/// main-group elements listed there; for all others S. Alvarez, "A cartography of the van der Waals
+/// territories", Dalton Trans. 42 (2013) 8617; and 2 for elements that neither lists. Colours:
+/// those of Jmol, which extend the colours of the models of Corey, Pauling and Koltun (CPK). Jmol
+/// has none beyond meitnerium; heavier elements are given meitnerium's colour.
 #[rustfmt::skip]
 const ELEMENTS: [Element; 118] = [
     element("H", 1.20, 0xffffff),
@@ -146,23 +146,24 @@ const ELEMENTS: [Element; 118] = [
     element("Og", 2.00, 0xeb0026),
 ];
 
-/// An element, or what is known to be none.
+/// A chemical element by its atomic number, or 0 for an unknown one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kind(u8);
 
 impl Kind {
-    /// What is no element, such as the particles of a simulation.
+    /// No known element, such as the particles of a simulation.
     pub(super) const UNKNOWN: Kind = Kind(0);
 
-    /// Radius and colour of what is no element, which Jmol shows in pink.
+    /// The radius and colour of atoms of no known element, which Jmol shows in pink.
     const UNKNOWN_ELEMENT: Element = element("", 2.0, 0xff1493);
 
-    /// What is no element, and then all elements: each at its [`index`](Self::index).
+    /// The unknown element and then all elements, so that each is at its
+    /// [`index`](Self::index).
     pub(super) fn all() -> impl Iterator<Item = Kind> {
         (0..=ELEMENTS.len() as u8).map(Kind)
     }
 
-    /// Its place among all kinds.
+    /// The position in [`Kind::all`].
     pub(super) fn index(self) -> usize {
         self.0.into()
     }
@@ -175,7 +176,7 @@ impl Kind {
     /// The element of a symbol in upper or lower case. D and T are hydrogen.
     pub(super) fn of_symbol(symbol: &[u8]) -> Option<Kind> {
         match symbol {
-            // Most atoms are of these.
+            // Shortcuts for the most frequent elements.
             b"H" => return Some(Kind(1)),
             b"C" => return Some(Kind(6)),
             b"N" => return Some(Kind(7)),
@@ -187,8 +188,9 @@ impl Kind {
         Some(Kind(index as u8 + 1))
     }
 
-    /// The element of the label of an atom, which begins with its symbol: `Fe`, `FE2+`, `C12`, or
-    /// `OW`, which is none of two letters. [`Kind::UNKNOWN`] where there is no such element.
+    /// The element of the label of an atom, which begins with its symbol: `Fe`, `FE2+`, `C12`,
+    /// or `OW`, where `Ow` is no element but `O` is. [`Kind::UNKNOWN`] if the label begins with no
+    /// symbol.
     pub(super) fn of_label(label: &[u8]) -> Kind {
         let letters = label.iter().take(2).take_while(|byte| byte.is_ascii_alphabetic()).count();
         let candidates = (1..=letters).rev().map(|length| &label[..length]);

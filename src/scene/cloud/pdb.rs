@@ -1,4 +1,4 @@
-//! PDB: the atoms of its ATOM and HETATM records, by their columns.
+//! PDB: the atoms of the file's ATOM and HETATM records, whose fields are in fixed columns.
 
 use std::io::Read;
 use std::ops::Range;
@@ -12,15 +12,16 @@ use crate::scene::diagnostic::brief;
 use crate::scene::mesh::number::Number;
 use crate::scene::pieces::Pieces;
 
-/// The columns of a record, counted from 0.
+/// The columns of a record's fields, counted from 0.
 const NAME: Range<usize> = 12..16;
 const RESIDUE: Range<usize> = 17..20;
 const PLACE: [Range<usize>; 3] = [30..38, 38..46, 46..54];
 const ELEMENT: Range<usize> = 76..78;
-/// The usual length of a record, with the end of its line.
+/// The usual length of a record in bytes, with the end of its line.
 const RECORD: usize = 81;
 
-/// The atoms of a model, counted from 1; those before the first MODEL record are of the first one.
+/// Reads the atoms of one model; `frame` is its number from 1. Atoms before the first MODEL
+/// record belong to the first model.
 pub(super) fn read(pieces: &mut Pieces<impl Read>, length: usize, frame: Option<usize>) -> Result<Cloud, Stop> {
     let wanted = frame.unwrap_or(1);
     let mut made = Made::in_room_for_atoms(length / RECORD + 1);
@@ -77,16 +78,16 @@ fn atom(line: &[u8], number: usize) -> Result<Entry, MeshError> {
     Ok(Entry::atom(kind(line), single, double))
 }
 
-/// The text in some columns of a record, without the blanks around it; a short record has nothing
-/// in them.
+/// The text in these columns of a record, trimmed; empty where the record is too short.
 fn field(line: &[u8], columns: Range<usize>) -> &[u8] {
     let end = columns.end.min(line.len());
     line.get(columns.start..end).unwrap_or_default().trim_ascii()
 }
 
-/// The element of an atom: by its own columns, or else by its name, in which a symbol of one letter
-/// stands in the second column: ` CA ` is a carbon, and `CA  ` is calcium, except in a chain of
-/// residues of other names, where programs are less exact.
+/// The element of an atom: by the columns of the element, or else by the atom's name. In a name
+/// a one-letter symbol is in the second column: ` CA ` is a carbon and `CA  ` is calcium. In an
+/// ATOM record whose residue has another name than the atom, as in proteins, `CA  ` is a carbon
+/// nevertheless: some programs misalign names there.
 fn kind(line: &[u8]) -> Kind {
     if let Some(kind) = Kind::of_symbol(field(line, ELEMENT)) {
         return kind;

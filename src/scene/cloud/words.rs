@@ -4,10 +4,10 @@ use glam::{DVec3, Vec3};
 
 use super::super::mesh::number::Number;
 
-/// The most words of a line that are read.
+/// The most words of a line that are kept.
 const MOST: usize = 48;
 
-/// The words of a line, between blanks, commas and semicolons.
+/// The words of a line, which are separated by blanks, commas or semicolons.
 pub(super) struct Words<'a> {
     words: [&'a [u8]; MOST],
     count: usize,
@@ -37,17 +37,17 @@ impl<'a> Words<'a> {
         &self.words[..self.count]
     }
 
-    /// The word at this index, if the line has so many.
+    /// The word at this index, if the line has one.
     pub(super) fn get(&self, index: usize) -> Option<&'a [u8]> {
         self.all().get(index).copied()
     }
 
-    /// The number at this index, if there is one.
+    /// The number that the word at this index is, if it is one.
     pub(super) fn number(&self, index: usize) -> Option<Number> {
         Number::of_word(self.get(index)?)
     }
 
-    /// The three numbers from this index on, as the nearest f32 and f64.
+    /// The three numbers from this index on, each rounded to f32 and to f64.
     #[inline]
     pub(super) fn point(&self, index: usize) -> Option<(Vec3, DVec3)> {
         let [x, y, z] = [self.number(index)?, self.number(index + 1)?, self.number(index + 2)?];
@@ -55,18 +55,18 @@ impl<'a> Words<'a> {
     }
 }
 
-/// Whether a byte stands between words.
+/// Whether a byte separates words.
 #[inline]
 fn is_between(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b'\x0c' | b',' | b';')
 }
 
-/// The whole number of a word.
+/// The non-negative integer that a word is, if it is one.
 pub(super) fn whole(word: &[u8]) -> Option<usize> {
     str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Whether a line has nothing to read: it is blank, or a comment.
+/// Whether a line is blank or a comment.
 pub(super) fn is_blank(line: &[u8]) -> bool {
     let line = line.trim_ascii();
     line.is_empty() || line.starts_with(b"#") || line.starts_with(b"//")

@@ -1,5 +1,5 @@
-//! XYZ: frames of atoms behind their number and a comment, or a list of atoms or points, a line
-//! each.
+//! XYZ: either frames, each of a count, a comment line and as many atoms, or a plain list of
+//! atoms or points, one per line.
 
 use std::io::Read;
 
@@ -14,24 +14,25 @@ use crate::scene::diagnostic::brief;
 use crate::scene::mesh::colour::{level_to_linear, to_linear};
 use crate::scene::pieces::Pieces;
 
-/// The shortest line of a point: "0 0 0" and its end.
+/// The bytes of the shortest line of a point: "0 0 0" and a line end.
 const SHORTEST_POINT: usize = 6;
 
-/// How the lines of atoms or points are made up, by indices of words.
+/// Which words of a line hold what: indices into its words.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Columns {
     /// The symbol, the label or the atomic number of an element.
     label: Option<usize>,
-    /// The first coordinate.
+    /// The x coordinate; y and z follow.
     place: usize,
     radius: Option<usize>,
-    /// The red of a colour, and what stands for a full channel.
+    /// The red channel, which green and blue follow, and the number that stands for a full
+    /// channel (1 or 255).
     colour: Option<(usize, f64)>,
-    /// The number of words that the first line has.
+    /// The number of words in the first line.
     words: usize,
 }
 
-/// The atoms or points of a frame, or of a list.
+/// Reads the atoms or points of a frame, or of a list; `frame` is the frame's number from 1.
 pub(super) fn read(pieces: &mut Pieces<impl Read>, length: usize, frame: Option<usize>) -> Result<Cloud, Stop> {
     let mut file = File { pieces, length, line: 0, notes: Vec::new() };
     match file.count()? {
@@ -49,8 +50,8 @@ struct File<'a, R> {
 }
 
 impl<R: Read> File<'_, R> {
-    /// The number of atoms that the next line which is not blank is, if it is a whole number alone.
-    /// Otherwise that line is left.
+    /// The atom count that begins a frame: the number in the next non-blank line, if that line
+    /// is a non-negative integer alone. Otherwise the line is left unread.
     fn count(&mut self) -> Result<Option<usize>, Stop> {
         loop {
             self.pieces.fill().ok_or(Stop::Unread)?;
@@ -80,8 +81,8 @@ impl<R: Read> File<'_, R> {
         MeshError::new(message).line(self.line).expected(expected).into()
     }
 
-    /// The wanted one of several frames, of which the first has `count` atoms and begins with the
-    /// next line.
+    /// Reads frame number `frame` of several. The first frame's atom count, `count`, has been
+    /// read, and its comment is the next line.
     fn frames(&mut self, mut count: usize, frame: Option<usize>) -> Result<Cloud, Stop> {
         for number in 1..frame.unwrap_or(1) {
             self.check_room(count)?;
@@ -116,8 +117,8 @@ impl<R: Read> File<'_, R> {
         fault.expected(format!("{count} {many}, as the frame's first line says")).into()
     }
 
-    /// The atoms of a frame, in columns that are named in its comment, or else as its first line
-    /// has them.
+    /// The atoms of a frame, in the columns that its comment names, or else in those that its
+    /// first line suggests.
     fn atoms(&mut self, count: usize, named: Option<Columns>) -> Result<Cloud, Stop> {
         let mut columns = named;
         let mut made = Made::default();
@@ -153,7 +154,7 @@ impl<R: Read> File<'_, R> {
         Ok(made.finish(is_molecule, std::mem::take(&mut self.notes))?)
     }
 
-    /// Notes what follows a frame.
+    /// Adds a note if anything follows the frame that was read.
     fn note_rest(&mut self) -> Result<(), Stop> {
         let note = match self.count()? {
             Some(_) => "the file has several frames, and this is one of them: --frame N shows another",
@@ -170,7 +171,7 @@ impl<R: Read> File<'_, R> {
         }
     }
 
-    /// All lines, as atoms or points.
+    /// Reads all lines as a list of atoms or points.
     fn list(&mut self, frame: Option<usize>) -> Result<Cloud, Stop> {
         if let Some(frame) = frame.filter(|frame| *frame > 1) {
             return Err(no_such_frame(frame, 1, ["frame", "frames"]).into());
@@ -209,7 +210,7 @@ impl<R: Read> File<'_, R> {
         Ok(made.finish(is_molecule, std::mem::take(&mut self.notes))?)
     }
 
-    /// Passes over comments, and a first line that names the columns.
+    /// Skips comments, and a first line that names the columns.
     fn skip_title(&mut self) -> Result<(), Stop> {
         let mut is_first = true;
         loop {
@@ -230,7 +231,7 @@ impl<R: Read> File<'_, R> {
 }
 
 impl Columns {
-    /// The number of words that each line has at least.
+    /// The fewest words that each line must have.
     fn least(&self) -> usize {
         let ends = [self.label.map(|at| at + 1), self.radius.map(|at| at + 1), self.colour.map(|(at, _)| at + 3)];
         ends.into_iter().flatten().fold(self.place + 3, usize::max)
@@ -244,7 +245,7 @@ impl Columns {
         }
     }
 
-    /// What a line of these words says.
+    /// The atom or point that a line of these words describes.
     #[inline]
     fn entry(&self, words: &Words<'_>) -> Option<Entry> {
         let (single, double) = words.point(self.place)?;
@@ -267,7 +268,7 @@ impl Columns {
     }
 }
 
-/// The element of a label or of an atomic number.
+/// The element that a label or an atomic number names.
 #[inline]
 fn kind(label: &[u8]) -> Kind {
     match label.first() {
@@ -279,7 +280,8 @@ fn kind(label: &[u8]) -> Kind {
     }
 }
 
-/// The linear light of three words from this index on.
+/// The colour in linear light of the three words from index `at` on; `highest` stands for a
+/// full channel.
 fn colour(words: &Words<'_>, at: usize, highest: f64) -> Option<Vec3> {
     let channel = |index: usize| {
         let level = words.number(at + index)?.double;
@@ -290,8 +292,8 @@ fn colour(words: &Words<'_>, at: usize, highest: f64) -> Option<Vec3> {
     Some(Vec3::new(channel(0)?, channel(1)?, channel(2)?))
 }
 
-/// The columns of a frame that does not name them, by its first line: an element or its number and
-/// a place, or a place alone.
+/// The columns of a frame that does not name them, guessed from its first line: an element's
+/// symbol or atomic number and three coordinates, or coordinates alone.
 fn columns_of_frame(first: &Words<'_>) -> Columns {
     let words = first.all().len();
     let begins_with_label = first.number(0).is_none() || words > 3 && first.get(0).and_then(whole).is_some();
@@ -323,11 +325,12 @@ fn named_columns(comment: &[u8]) -> Option<Columns> {
     place.map(|place| Columns { place, ..columns })
 }
 
-/// The columns of a list, by the first lines of a text, which ends here or goes on.
+/// The columns of a list, guessed from its first lines. `has_ended` tells whether `text` is all
+/// of the file.
 fn columns_of_list(text: &[u8], has_ended: bool) -> Option<Columns> {
-    /// So many lines are looked at.
+    /// The number of lines that the guess is based on.
     const LINES: usize = 200;
-    // The last line of what is at hand may be cut.
+    // The last line of `text` may be incomplete, unless the file ends there.
     let end = if has_ended { text.len() } else { memrchr(b'\n', text).unwrap_or(text.len()) };
     let whole_lines = text[..end].split_inclusive(|byte| *byte == b'\n').filter(|line| !is_blank(line));
     let lines: Vec<_> = whole_lines.take(LINES).map(Words::of).collect();
@@ -338,13 +341,15 @@ fn columns_of_list(text: &[u8], has_ended: bool) -> Option<Columns> {
         return Some(Columns { label: Some(0), place: 1, radius: None, colour: None, words });
     }
     first.point(0)?;
-    // Behind the place, or behind one more number, such as an intensity.
+    // Channels may follow the coordinates directly, or after one more number, such as an
+    // intensity.
     let colour = [3, 4].into_iter().find_map(|at| Some((at, highest_channel(&lines, at)?)));
     Some(Columns { label: None, place: 0, radius: None, colour, words })
 }
 
-/// What stands for a full channel, if the words from this index on seem to be colours in all lines:
-/// 255 for whole numbers up to that, or 1 for numbers up to that which are no normals, of length 1.
+/// The number that stands for a full channel, if the three words from index `at` on look like
+/// colours in all lines: 255 if all are integers up to 255, or 1 if all are up to 1 and are no
+/// normals (vectors of length 1).
 fn highest_channel(lines: &[Words<'_>], at: usize) -> Option<f64> {
     let mut are_levels = true;
     let mut are_shares = true;
@@ -357,7 +362,7 @@ fn highest_channel(lines: &[Words<'_>], at: usize) -> Option<f64> {
         are_normals &= (colour.length() - 1.0).abs() < 0.01;
     }
     match (are_levels, are_shares && !are_normals) {
-        // 0 and 1 alone are the colours of either.
+        // If all are 0 or 1, they are shares: 1 as a full channel.
         (true, false) => Some(255.0),
         (_, true) => Some(1.0),
         (false, false) => None,

@@ -1,5 +1,5 @@
-//! Colours as numbers of mesh files: values on the sRGB curve, which become linear light when they
-//! are read.
+//! Colours as mesh files store them: values on the sRGB curve, converted to linear light on
+//! reading.
 
 use std::sync::LazyLock;
 
@@ -11,8 +11,8 @@ use crate::scene::srgb::{decode, encode};
 static LEVELS: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|level| to_linear(level as f64 / f64::from(u8::MAX))));
 
-/// The linear light of a value of a file, where 1 is white. Impossible values become the nearest
-/// possible ones, and a NaN becomes 0.
+/// The linear light of a file's value, where 1 is white. Negative and infinite values become
+/// the nearest valid ones, and a NaN becomes 0.
 pub(in crate::scene) fn to_linear(encoded: f64) -> f32 {
     if encoded > 0.0 { (decode(encoded) as f32).min(f32::MAX) } else { 0.0 }
 }
@@ -22,19 +22,19 @@ pub(in crate::scene) fn level_to_linear(level: u8) -> f32 {
     LEVELS[usize::from(level)]
 }
 
-/// The levels that are read as exactly this colour, if there are such.
+/// The 8-bit levels that are read as exactly this colour, if there are such levels.
 pub(in crate::scene) fn to_levels(colour: Vec3) -> Option<[u8; 3]> {
     let levels = colour.to_array().map(|linear| (encode(linear.into()) * f64::from(u8::MAX)).round() as u8);
     (levels.map(level_to_linear) == colour.to_array()).then_some(levels)
 }
 
-/// The value of a file that is read as this linear light.
+/// The value that is read from a file as this linear light.
 pub(in crate::scene) fn to_encoded(linear: f32) -> f64 {
     encode(linear.into())
 }
 
-/// The same with as few digits as suffice: where a file had a value of up to six digits, this is
-/// that value.
+/// [`to_encoded`] with as few digits as suffice to restore the linear light. If the file had a
+/// value of up to six digits, the result is that value.
 pub(in crate::scene) fn to_short_encoded(linear: f32) -> f64 {
     let exact = to_encoded(linear);
     let rounded = |digits: usize| format!("{exact:.digits$e}").parse().expect("a number");

@@ -1,4 +1,4 @@
-//! What is wrong with a mesh file, put together piece by piece, the file's name last.
+//! Errors of mesh files, built step by step: the message first, the file's name last.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ impl MeshError {
         MeshError { expected: Some(expected.into()), ..self }
     }
 
-    /// With a hint at commas, if the text that was misread has some.
+    /// Adds a hint that commas are the cause, if the misread text contains any.
     pub(in crate::scene) fn of_text(self, text: impl AsRef<[u8]>) -> Self {
         if !text.as_ref().contains(&b',') {
             return self;
@@ -28,7 +28,7 @@ impl MeshError {
         MeshError { expected: Some(expected), ..self }
     }
 
-    /// For a file that is something else.
+    /// The error for a file of another kind, such as an archive.
     pub(in crate::scene) fn mistaken(Mistaken { what, help }: &Mistaken) -> Self {
         MeshError::new(*what).expected(format!("a mesh: {help}"))
     }
@@ -43,7 +43,8 @@ pub(in crate::scene) fn counted(count: usize, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }
 
-/// A vertex with a coordinate that is infinite or NaN: an error only if a face has it as a corner.
+/// A vertex with an infinite or NaN coordinate. It is an error only if a face has it as a
+/// corner.
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct NonFiniteVertex {
     /// Its index among all vertices of the file.
@@ -53,13 +54,13 @@ pub(in crate::scene) struct NonFiniteVertex {
 }
 
 impl NonFiniteVertex {
-    /// The error if a face has it as a corner.
+    /// The error to report if a face has it as a corner.
     pub(in crate::scene) fn fault(self) -> MeshError {
         MeshError { line: self.line, ..not_finite(&format!("vertex {}", self.index + 1)) }
     }
 }
 
-/// The message for a vertex that is not finite.
+/// The error for a vertex that is not finite.
 pub(in crate::scene) fn not_finite(vertex: &str) -> MeshError {
     MeshError::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
 }
@@ -72,12 +73,12 @@ pub(in crate::scene) fn only(vertices: usize) -> String {
     }
 }
 
-/// A note of faces that no triangle can be made of.
+/// A note about faces with fewer than three corners.
 pub(in crate::scene) fn small_faces(count: usize) -> String {
     format!("{} of less than three corners left out", counted(count, "face", "faces"))
 }
 
-/// A note of a file that is longer than its header tells.
+/// A note about a file that is longer than its header says.
 pub(in crate::scene) fn goes_on(elements: &str) -> String {
     format!("the file goes on after the {elements} that its header counts: what follows was not read")
 }

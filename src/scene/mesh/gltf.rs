@@ -1,5 +1,5 @@
-//! glTF 2.0: the triangles of a scene's nodes in their colours, its first camera and its point
-//! lights.
+//! glTF 2.0: the triangles of a scene's nodes with their colours, the scene's first camera and
+//! its point lights.
 
 mod accessors;
 mod buffers;
@@ -22,13 +22,13 @@ use super::{Mesh, MeshError};
 use crate::scene::diagnostic::brief;
 use buffers::Buffers;
 
-/// How binary files begin, which hold the JSON and the bytes of a buffer.
+/// The first bytes of a binary file, which holds the JSON and the bytes of one buffer.
 const MAGIC: &[u8] = b"glTF";
-/// The length of a binary file's header, whose last word is the length of the file.
+/// The length in bytes of a binary file's header, whose last word is the length of the file.
 const HEADER: usize = 12;
 
-/// Extensions by which a file needs nothing else than what is read, as far as shapes and colours
-/// go.
+/// How the names of the extensions begin that a file may require: as far as shapes and colours
+/// are concerned, nothing beyond the core format has to be read for them.
 const EXTENSIONS: [&str; 10] = [
     "KHR_lights_punctual",
     "KHR_mesh_quantization",
@@ -42,12 +42,13 @@ const EXTENSIONS: [&str; 10] = [
     "KHR_audio",
 ];
 
-/// The mesh of a file in JSON or in binary. The buffers of other files are looked for in this
-/// folder, if there is one.
+/// Reads the mesh of a file in JSON or in binary. Buffers in other files are looked for in
+/// `folder`; if that is None, such a buffer is an error.
 pub(super) fn read(source: &[u8], folder: Option<&Path>) -> Result<Mesh, MeshError> {
     let (json, binary) = if source.starts_with(MAGIC) { split(source)? } else { (source, None) };
     let root: Root = serde_json::from_slice(json.trim_ascii_end()).map_err(|error| {
-        // Files of version 1 are made up otherwise.
+        // The JSON of version 1 has another structure: report the version rather than the failed
+        // parsing.
         if let Ok(Versioned { asset: Asset { version } }) = serde_json::from_slice(json)
             && let Err(fault) = check_version(version.as_str().unwrap_or(&version.to_string()))
         {
@@ -64,7 +65,7 @@ pub(super) fn read(source: &[u8], folder: Option<&Path>) -> Result<Mesh, MeshErr
     made.finish(&root, buffers.files)
 }
 
-/// The JSON and the bytes of a binary file.
+/// Splits a binary file into its JSON and its buffer's bytes.
 fn split(source: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     let word = |at: usize| source.get(at..at + 4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
     match (word(4), word(8)) {
@@ -83,7 +84,7 @@ fn split(source: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
         let fault = MeshError::new(format!("the file's chunks cannot be read: {}", brief(&error.to_string())));
         fault.expected("a chunk of JSON and one of bytes")
     })?;
-    // Both are parts of the source.
+    // Both chunks borrow from `source`.
     match (glb.json, glb.bin) {
         (Cow::Borrowed(json), None) => Ok((json, None)),
         (Cow::Borrowed(json), Some(Cow::Borrowed(bytes))) => Ok((json, Some(bytes))),
@@ -91,7 +92,7 @@ fn split(source: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     }
 }
 
-/// What files of all versions have.
+/// The part of the JSON that files of all versions have.
 #[derive(Deserialize)]
 struct Versioned {
     asset: Asset,
@@ -102,7 +103,7 @@ struct Asset {
     version: Value,
 }
 
-/// Refuses files of other versions.
+/// Rejects files that are not of version 2.
 fn check_version(version: &str) -> Result<(), MeshError> {
     if version.starts_with("2.") {
         return Ok(());
@@ -111,7 +112,7 @@ fn check_version(version: &str) -> Result<(), MeshError> {
     Err(MeshError::new(message).expected("2.0: export it as glTF 2.0"))
 }
 
-/// Refuses files of other versions, and those that need what is not read.
+/// Rejects files of other versions, and files that require an extension which is not read.
 fn check(root: &Root) -> Result<(), MeshError> {
     check_version(&root.asset.version)?;
     let is_unread = |extension: &&String| !EXTENSIONS.iter().any(|known| extension.starts_with(known));
@@ -120,7 +121,7 @@ fn check(root: &Root) -> Result<(), MeshError> {
     Err(MeshError::new(message).expected("a file that was exported without it, or decompressed"))
 }
 
-/// A file that is being read.
+/// The state of reading a file.
 struct File<'a> {
     root: &'a Root,
     buffers: Buffers<'a>,
@@ -136,7 +137,7 @@ struct Made {
     unread: Unread,
 }
 
-/// What is not read of a file, to be told once.
+/// Content of the file that is not read, to be reported in notes, once each.
 #[derive(Default)]
 struct Unread {
     textures: bool,
@@ -176,7 +177,7 @@ impl Made {
     }
 }
 
-/// The error for something that the JSON refers to by a number.
+/// The error for an index in the JSON that is out of range.
 fn missing(owner: &str, what: &str, index: usize, count: usize) -> MeshError {
     let has = if count == 1 { "has 1 of them".to_owned() } else { format!("has {count} of them") };
     MeshError::new(format!("{owner} refers to {what}[{index}], and the file {has}")).expected("a number from 0")

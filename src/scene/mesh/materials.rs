@@ -1,4 +1,4 @@
-//! Colours of meshes: those of vertices, and the materials that an OBJ file names (MTL).
+//! The colours of meshes: of vertices, and of the materials (MTL) that an OBJ file refers to.
 
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -13,30 +13,30 @@ use crate::scene::diagnostic::brief;
 use crate::scene::log::{BYTE_ORDER_MARK, is_line_end};
 use crate::scene::{mistaken, open};
 
-/// The longest file of materials that is read, in bytes.
+/// The longest material file that is read, in bytes.
 const MOST: u64 = 16 << 20;
 
-/// The statements of an OBJ file about materials.
+/// The statements about materials in an OBJ file.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Materials {
-    /// What follows each `mtllib`.
+    /// The arguments of each `mtllib` statement.
     libraries: Vec<Vec<u8>>,
-    /// In the order of triangles.
+    /// The `usemtl` statements, in the order of the triangles.
     uses: Vec<Use>,
 }
 
-/// The name of the material from a triangle on.
+/// The material of the triangles from one on, up to the next use.
 #[derive(Debug, PartialEq)]
 struct Use {
     from: usize,
     name: Vec<u8>,
 }
 
-/// The used part of a material.
+/// The properties of a material that matter here.
 #[derive(Clone, Default)]
 struct Material {
     colour: Option<Vec3>,
-    /// Whether it has a `Kd` that is no colour.
+    /// Whether it has a `Kd` statement that is not a valid colour.
     has_odd_colour: bool,
     has_texture: bool,
     is_transparent: bool,
@@ -46,13 +46,13 @@ struct Material {
 #[derive(Default)]
 struct Known {
     materials: HashMap<Vec<u8>, Material>,
-    /// The same by what stands before a `#` in their names, which is part of a name to some
-    /// programs, and begins a comment to others.
+    /// The materials by the part of their names before a `#`: some programs take a `#` for part
+    /// of the name, others for the start of a comment.
     by_short_names: HashMap<Vec<u8>, Material>,
 }
 
-/// What stands before a comment, which no `1.#QNAN` begins: so some libraries of C write what is no
-/// number.
+/// The text before a comment. A `#` in a number such as `1.#QNAN` begins no comment: some C
+/// libraries write NaN and infinity so.
 pub(super) fn before_comment(text: &[u8]) -> &[u8] {
     let is_of_number = |at: usize| {
         let (before, after) = (&text[..at], &text[at + 1..]);
@@ -64,7 +64,7 @@ pub(super) fn before_comment(text: &[u8]) -> &[u8] {
     &text[..text.iter().enumerate().position(begins).unwrap_or(text.len())]
 }
 
-/// The first three words in linear light, if they are a colour.
+/// The colour in linear light that the first three words give, if they are a valid colour.
 pub(super) fn colour<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Vec3> {
     let is_possible = |value: &f64| *value >= 0.0 && value.is_finite();
     let mut channel = || words.next()?.parse().ok().filter(is_possible).map(to_linear);
@@ -77,18 +77,18 @@ pub(super) fn number(word: &[u8]) -> Option<f32> {
 }
 
 impl Mesh {
-    /// Gives each triangle the mean of the colours of its corners.
+    /// Gives each triangle the mean of its corners' colours.
     pub(super) fn paint_by_vertices(&mut self, of_vertices: &[Vec3]) {
         let triangles = std::mem::take(&mut self.triangles);
         self.paint(triangles.iter().map(|triangle| {
             let [a, b, c] = triangle.map(|corner| of_vertices[corner as usize]);
-            // The mean of three equal colours may differ from them by rounding.
+            // Skip the mean of equal colours, which rounding may change.
             if a == b && b == c { a } else { ((a + b + c) / 3.0).min(Vec3::MAX) }
         }));
         self.triangles = triangles;
     }
 
-    /// Notes the parts of its file that are not read.
+    /// Adds a note about the parts of the file that are not read.
     pub(super) fn note_unread(&mut self, unread: &[(&str, bool)]) {
         let unread: Vec<_> = unread.iter().filter(|(_, is_there)| *is_there).map(|(what, _)| *what).collect();
         if !unread.is_empty() {
@@ -98,23 +98,25 @@ impl Mesh {
 }
 
 impl Materials {
-    /// Takes the name of the material from this triangle on.
+    /// Records that triangles from this one on have the material `name`.
     pub(super) fn use_from(&mut self, triangle: usize, name: &[u8]) {
         self.uses.push(Use { from: triangle, name: unquoted(name).to_vec() });
     }
 
-    /// Takes what follows `mtllib`.
+    /// Records the arguments of an `mtllib` statement.
     pub(super) fn add_library(&mut self, names: &[u8]) {
         self.libraries.push(names.trim_ascii().to_vec());
     }
 
-    /// Adds the statements of later lines, whose triangles were counted from this one on.
+    /// Appends the statements of later lines. Triangle 0 of these is triangle `first` of the
+    /// file.
     pub(super) fn append(&mut self, later: Materials, first: usize) {
         self.libraries.extend(later.libraries);
         self.uses.extend(later.uses.into_iter().map(|Use { from, name }| Use { from: first + from, name }));
     }
 
-    /// Gives a mesh without colours those of its materials, from files in this folder.
+    /// Gives a mesh without colours those of its materials, which are read from files in
+    /// `folder`.
     pub(super) fn paint(&self, mesh: &mut Mesh, folder: &Path) {
         if self.uses.is_empty() {
             return;
@@ -134,7 +136,8 @@ impl Materials {
         self.paint_with(&known, mesh, all_are_read);
     }
 
-    /// Gives a mesh the colours of these materials, and notes what else they have.
+    /// Gives a mesh the colours of these materials, and adds notes about what else the
+    /// materials have.
     fn paint_with(&self, known: &Known, mesh: &mut Mesh, all_are_read: bool) {
         let has = |which: fn(&Material) -> bool| self.uses.iter().any(|it| known.get(&it.name).is_some_and(which));
         let is_unknown = |it: &Use| !it.name.is_empty() && known.get(&it.name).is_none();
@@ -163,7 +166,7 @@ impl Materials {
 }
 
 impl Material {
-    /// Whether nothing tells its colour.
+    /// Whether the material has neither a colour, valid or not, nor a texture.
     fn is_plain(&self) -> bool {
         self.colour.is_none() && !self.has_odd_colour && !self.has_texture
     }
@@ -179,8 +182,8 @@ impl Known {
         self.materials.insert(unquoted(name).to_vec(), material);
     }
 
-    /// Reads the files that a line names: one whose name has blanks, or several. Adds those that
-    /// are there to `paths`.
+    /// Reads the material files that an `mtllib` line names: one file whose name may contain
+    /// blanks, or several files. Adds the paths of existing files to `paths`.
     fn read_all(&mut self, names: &[u8], folder: &Path, paths: &mut Vec<PathBuf>) -> io::Result<()> {
         let Err(fault) = self.read(unquoted(names), folder, paths) else { return Ok(()) };
         let names = names_of(names);
@@ -190,7 +193,7 @@ impl Known {
         names.into_iter().map(|name| self.read(name, folder, paths)).fold(Ok(()), Result::and)
     }
 
-    /// Reads a file of materials.
+    /// Reads a material file.
     fn read(&mut self, name: &[u8], folder: &Path, paths: &mut Vec<PathBuf>) -> io::Result<()> {
         let path = find(name, folder)?;
         let text = open::contents_within(&path, MOST, "too many for materials")?;
@@ -202,7 +205,7 @@ impl Known {
         Ok(())
     }
 
-    /// Takes the materials of a text.
+    /// Adds the materials defined in a text.
     fn parse(&mut self, text: &[u8]) {
         let mut material = Material::default();
         let mut name = None;
@@ -233,7 +236,7 @@ impl Known {
     }
 }
 
-/// The colour of `Kd`: three numbers, or one for a grey.
+/// The colour of a `Kd` statement: three numbers, or one for a grey.
 fn diffuse(text: &[u8]) -> Option<Vec3> {
     let words: Vec<_> = str::from_utf8(text).ok()?.split_ascii_whitespace().collect();
     match words[..] {
@@ -242,15 +245,15 @@ fn diffuse(text: &[u8]) -> Option<Vec3> {
     }
 }
 
-/// A name without the quotes that some programs put around it.
+/// A name without the quotes that some programs write around it.
 fn unquoted(name: &[u8]) -> &[u8] {
     let name = name.trim_ascii();
     let inner = name.strip_prefix(b"\"").and_then(|name| name.strip_suffix(b"\""));
     inner.filter(|inner| !inner.contains(&b'"')).unwrap_or(name)
 }
 
-/// The names in a line, up to a comment: what stands between quotes, what ends in `.mtl`, with
-/// blanks in it or without, or else words.
+/// The file names in an `mtllib` line, up to a comment: text in quotes; text that ends in
+/// `.mtl`, which may contain blanks; otherwise single words.
 fn names_of(names: &[u8]) -> Vec<&[u8]> {
     let mut found = Vec::new();
     let mut rest = names.trim_ascii_start();
@@ -266,15 +269,15 @@ fn names_of(names: &[u8]) -> Vec<&[u8]> {
     found
 }
 
-/// Where the first word that ends in `.mtl` does, if there is one before a comment or a quote.
+/// The end of the first word that ends in `.mtl`, if there is one before a comment or a quote.
 fn extension_end(names: &[u8]) -> Option<usize> {
     let names = before_comment(names).split(|byte| *byte == b'"').next().unwrap_or_default();
     let is_end = |end: &usize| names.get(*end).is_none_or(u8::is_ascii_whitespace);
     (4..=names.len()).filter(is_end).find(|end| names[end - 4..*end].eq_ignore_ascii_case(b".mtl"))
 }
 
-/// The regular file that a name means: its path from the folder, or the bare name in the folder,
-/// since the path is often that of the machine that wrote it.
+/// The regular file that a name refers to: at its path relative to the folder, or else by its
+/// last component in the folder, since the path is often one of the machine that wrote it.
 fn find(name: &[u8], folder: &Path) -> io::Result<PathBuf> {
     let mut name = name.to_vec();
     name.iter_mut().filter(|byte| **byte == b'\\').for_each(|byte| *byte = b'/');
@@ -284,13 +287,13 @@ fn find(name: &[u8], folder: &Path) -> io::Result<PathBuf> {
     first.or_else(|fault| found.find_map(Result::ok).ok_or(fault))
 }
 
-/// The path, if it is that of a regular file.
+/// The path, or an error if it is not that of a regular file.
 fn regular(path: PathBuf) -> io::Result<PathBuf> {
     if path.metadata()?.is_file() { Ok(path) } else { Err(io::Error::other("it is not a regular file")) }
 }
 
-/// The ways in which the system may spell a name of these bytes: as they are, where names are
-/// bytes, and read as Latin-1 if they are not UTF-8.
+/// The paths that the bytes of a name may mean: the bytes themselves on systems where paths are
+/// bytes, and the bytes decoded as Latin-1 if they are not UTF-8.
 fn spellings(name: &[u8]) -> Vec<OsString> {
     if let Ok(name) = str::from_utf8(name) {
         return vec![name.into()];

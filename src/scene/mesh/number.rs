@@ -1,6 +1,6 @@
-//! The one grammar of numbers in mesh files of text.
+//! The grammar of numbers that all text formats of meshes share.
 
-/// A finite number of a file, as the nearest f64 and as the nearest f32, which may be infinite.
+/// A number of a file, rounded to f64 and to f32 (which may overflow to infinity).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct Number {
     pub double: f64,
@@ -8,18 +8,19 @@ pub(in crate::scene) struct Number {
 }
 
 impl Number {
-    /// A number whose f64 is all that the file has.
+    /// A number given as an f64, such as one from a binary file.
     pub(in crate::scene) fn of(double: f64) -> Self {
         Number { double, single: double as f32 }
     }
 
-    /// The number of a word: digits with a sign, a point and an exponent, each of which may be
-    /// missing; nan or inf.
+    /// The number that a word is: digits with optional sign, point and exponent; `nan` or
+    /// `inf`.
     pub(in crate::scene) fn of_word(word: &[u8]) -> Option<Self> {
         let word = str::from_utf8(word).ok()?;
         let Ok(double) = word.parse::<f64>() else { return not_finite(word).map(Number::of) };
-        // Rounding twice differs from rounding once where the f64 is halfway between two f32. Those
-        // below the smallest normal f32 have fewer digits, and other halves.
+        // Rounding to f64 and then to f32 equals rounding once, except where the f64 is halfway
+        // between two f32: parse again then. f32 below the smallest normal one have fewer digits,
+        // so their halves lie elsewhere.
         const DIGITS_MORE: u32 = f64::MANTISSA_DIGITS - f32::MANTISSA_DIGITS;
         let is_halfway = double.to_bits() << (u64::BITS - DIGITS_MORE) == 1 << (u64::BITS - 1);
         let is_small = double.abs() < f64::from(f32::MIN_POSITIVE);
@@ -28,7 +29,7 @@ impl Number {
     }
 }
 
-/// NaN or infinity, as the libraries of C write them: `-nan(ind)`, `1.#QNAN`, `-1.#INF`.
+/// NaN or infinity as C libraries write them: `-nan(ind)`, `1.#QNAN`, `-1.#INF`.
 fn not_finite(word: &str) -> Option<f64> {
     let word = word.trim_start_matches(['-', '+']).to_ascii_lowercase();
     match word.strip_prefix("1.#") {

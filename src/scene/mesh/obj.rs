@@ -1,4 +1,4 @@
-//! Wavefront OBJ, piece by piece.
+//! Wavefront OBJ, read piece by piece.
 
 mod usual;
 
@@ -19,17 +19,17 @@ use crate::scene::diagnostic::brief;
 use crate::scene::log::is_line_end;
 use crate::scene::pieces::Pieces;
 
-/// Corners are numbers from 1, or backwards from -1.
+/// What a corner of a face must be: vertex numbers count from 1, or backwards from -1.
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
-/// The mesh of a file of this length; None if that cannot be read. `shared` is the file for several
-/// threads.
+/// Reads the mesh of a file of this length in bytes; None if the file cannot be read. `shared`,
+/// if given, is the same file for reading with several threads.
 pub(super) fn read(
     file: impl Read,
     length: usize,
     shared: Option<SharedFile<'_>>,
 ) -> Option<Result<(Mesh, Materials), MeshError>> {
-    // "v 0 0 0" and "f 1 2 3" are the shortest lines.
+    // A vertex or a face takes at least 8 bytes: "v 0 0 0" and "f 1 2 3" with their line ends.
     let most = length / 8 + 1;
     let points = Vertices::in_room(room(most));
     let mut obj = Obj { points, mesh: Mesh { triangles: room(most), ..Mesh::default() }, ..Obj::default() };
@@ -40,63 +40,65 @@ pub(super) fn read(
     Some(read.and_then(|()| obj.mesh()))
 }
 
-/// What has been read of a file so far.
+/// What has been read of a file, or of a part of it, so far.
 #[derive(Default)]
 struct Obj {
     /// The number of lines begun.
     line: usize,
     points: Vertices,
-    /// The mesh, with triangles of `points`.
+    /// The mesh; its triangles are indices into `points`.
     mesh: Mesh,
-    /// Colours of points; later points are white.
+    /// The colours of the first points; later ones are white.
     tints: Vec<Vec3>,
     faces: usize,
     fans: Vec<Fan>,
     materials: Materials,
     /// The corners of the current face.
     corners: Vec<u32>,
-    /// Whether some vertices have weights: then none has a colour.
+    /// Whether some vertices have weights: then numbers after coordinates are not colours.
     weighted: bool,
     /// The vertices that are not finite.
     non_finite: Vec<NonFiniteVertex>,
-    /// Corners whose vertices had not been read yet, except those that cannot be the first missing
-    /// one.
+    /// Corners that refer to vertices which had not been read yet. Only those are kept that may
+    /// turn out to be the first with a missing vertex.
     early: Vec<Corner>,
     skipped: Skipped,
-    /// Whether these are lines from the middle of a file, whose faces may name vertices before
-    /// them.
+    /// Whether these lines are from the middle of a file, so that faces may refer to vertices
+    /// of earlier lines.
     follows_others: bool,
 }
 
-/// What is skipped of a file, to be told in notes.
+/// What was skipped in a file, to be reported in notes.
 #[derive(Default)]
 struct Skipped {
     normals: bool,
     textures: bool,
     surfaces: bool,
     calls: bool,
-    /// Whether comments have the colours of vertices, as ZBrush writes them.
+    /// Whether comments hold vertex colours, as ZBrush writes them.
     colours_in_comments: bool,
-    /// The number of vertices with numbers behind their coordinates that are no colour.
+    /// The number of vertices with numbers after the coordinates that are no colour.
     tails: usize,
-    /// The number of faces of less than three corners.
+    /// The number of faces with fewer than three corners.
     faces: usize,
-    /// The number of lines that begin with no word of OBJ, and the first such line and word.
+    /// The number of lines that begin with no keyword of OBJ, and the number and first word of
+    /// the first such line.
     lines: usize,
     first_line: Option<(usize, String)>,
 }
 
-/// Lines that nearly all files have, read without knowing what comes before them.
+/// A chunk of lines in the simple form that nearly all files have, read without knowing the
+/// lines before.
 struct UsualLines {
     obj: Obj,
-    /// Faces name so many vertices, of these lines and of those before.
+    /// The number of vertices, from before and within the chunk, that its faces need to exist.
     vertices: usize,
 }
 
 impl UsualLines {
-    /// Reads whole lines; None if one is not usual.
+    /// Reads whole lines; None if one has another form.
     fn of(text: &[u8]) -> Option<Self> {
-        // Most lines have more bytes than this.
+        // A guess from the length of the text: a usual line has more than 16 bytes.
         let most = text.len() / 16;
         let points = Vertices::after_near_ones(Vec::with_capacity(most));
         let mesh = Mesh { triangles: Vec::with_capacity(most), ..Mesh::default() };
@@ -110,19 +112,19 @@ impl UsualLines {
     }
 }
 
-/// A corner of a face, for an error.
+/// A corner of a face, kept to report an error in it.
 struct Corner {
     line: usize,
     face: usize,
     corner: usize,
-    /// The number in the file.
+    /// The index as written in the file.
     index: i64,
-    /// The vertex from 1, if there is one.
+    /// The number of the vertex from 1; below 1 if there is none.
     vertex: i64,
 }
 
 impl Obj {
-    /// Takes lines, up to one that is not all at hand.
+    /// Reads whole lines; the last one is left if it may continue beyond the bytes at hand.
     fn lines(&mut self, rest: &mut &[u8], ended: bool) -> Result<(), MeshError> {
         while !rest.is_empty() {
             if let Some(after) = self.take_usual(rest) {
@@ -140,8 +142,7 @@ impl Obj {
         Ok(())
     }
 
-    /// Takes lines piece by piece up to the end of a file of this length; None if it cannot be
-    /// read.
+    /// Reads the rest of a file of this length piece by piece; None if the file cannot be read.
     fn take_pieces(&mut self, file: impl Read, length: usize) -> Option<Result<(), MeshError>> {
         let mut pieces = Pieces::new(file, length);
         loop {
@@ -164,8 +165,8 @@ impl Obj {
         }
     }
 
-    /// The same of a file that threads share: after its first lines they take usual ones, as long
-    /// as there are no others.
+    /// As [`take_pieces`](Self::take_pieces), but several threads read chunks of the file after
+    /// the first one, as long as all lines have the usual form; the rest is read piece by piece.
     fn take_shared(&mut self, length: usize, shared: SharedFile<'_>) -> Option<Result<(), MeshError>> {
         let first_lines = shared.first_lines(length).unwrap_or_default();
         let mut rest = &first_lines[..];
@@ -179,7 +180,8 @@ impl Obj {
         self.take_pieces(shared.rest(taken).ok()?, length - taken)
     }
 
-    /// Appends the next lines, unless they name vertices that come later.
+    /// Appends a chunk of lines, unless they refer to vertices that come later; returns whether
+    /// it did.
     fn append(&mut self, lines: UsualLines) -> bool {
         let UsualLines { obj, vertices } = lines;
         if vertices > self.points.len() + obj.points.len() {
@@ -199,8 +201,7 @@ impl Obj {
         true
     }
 
-    /// Takes the next line if it is one of those that nearly all files have, and returns what
-    /// follows it.
+    /// Reads the next line if it has the usual form, and returns what follows it.
     #[inline]
     fn take_usual<'a>(&mut self, rest: &'a [u8]) -> Option<&'a [u8]> {
         let after = match rest {
@@ -222,7 +223,7 @@ impl Obj {
         Some(after)
     }
 
-    /// The same for a line that is neither a vertex nor a face.
+    /// As [`take_usual`](Self::take_usual), for a line that is neither a vertex nor a face.
     fn take_usual_other<'a>(&mut self, rest: &'a [u8]) -> Option<&'a [u8]> {
         let (line, after) = usual::line(rest)?;
         let (keyword, rest) = keyword_of(line);
@@ -234,7 +235,7 @@ impl Obj {
         Some(after)
     }
 
-    /// Takes a line.
+    /// Reads a line of any form.
     fn take(&mut self, line: &[u8]) -> Result<(), MeshError> {
         let (keyword, rest) = keyword_of(line);
         match keyword {
@@ -251,14 +252,14 @@ impl Obj {
         MeshError::new(message).line(self.line).expected(expected)
     }
 
-    /// What stands before a comment, which may be in any encoding.
+    /// A line's text without a comment, which may be in any encoding.
     fn text<'a>(&self, rest: &'a [u8]) -> Result<&'a str, MeshError> {
         let not_utf8 = |_| self.fault("the line is no text: it is not UTF-8".into(), "a vertex or a face");
         str::from_utf8(before_comment(rest)).map_err(not_utf8)
     }
 
-    /// Takes the coordinates of a vertex, behind which one number is a weight, and three or more
-    /// begin with a colour.
+    /// Reads a vertex: coordinates, which nothing, one weight, or several numbers that begin
+    /// with a colour may follow.
     fn vertex(&mut self, rest: &[u8]) -> Result<(), MeshError> {
         let text = self.text(rest)?;
         let number = self.points.len() + 1;
@@ -313,7 +314,7 @@ impl Obj {
         Ok(())
     }
 
-    /// Adds the current face.
+    /// Adds the face whose corners have been read.
     fn add_face(&mut self) {
         match self.corners[..] {
             [] | [_] | [_, _] => self.skipped.faces += 1,
@@ -322,7 +323,7 @@ impl Obj {
         }
     }
 
-    /// Takes a corner of the current face; its vertex may follow later in the file.
+    /// Adds a corner of the current face. Its vertex may follow later in the file.
     fn corner(&mut self, corner: usize, index: i64) {
         let there_are = self.points.len() as i64;
         let vertex = if index < 0 { there_are + 1 + index } else { index };
@@ -336,7 +337,7 @@ impl Obj {
         }
     }
 
-    /// Takes a line that is neither a vertex nor a face.
+    /// Handles a line that is neither a vertex nor a face.
     fn other(&mut self, keyword: &[u8], rest: &[u8]) {
         let is = |word: &str| keyword.eq_ignore_ascii_case(word.as_bytes());
         let skipped = &mut self.skipped;
@@ -361,8 +362,8 @@ impl Obj {
         }
     }
 
-    /// The mesh, after all lines have been read: its vertices are those that faces name, in the
-    /// order in which they do.
+    /// The mesh, after all lines have been read. It keeps only the vertices that faces use, in
+    /// the order of their first use.
     fn mesh(self) -> Result<(Mesh, Materials), MeshError> {
         self.check()?;
         let Obj { points, mut mesh, tints, .. } = self;
@@ -398,7 +399,7 @@ impl Obj {
         Ok((mesh, self.materials))
     }
 
-    /// Checks that all vertices of faces are there, and that there is a triangle.
+    /// An error if a face refers to a missing vertex or if there is no triangle.
     fn check(&self) -> Result<(), MeshError> {
         let there_are = self.points.len();
         let is_missing = |corner: &&Corner| !(1..=there_are as i64).contains(&corner.vertex);
@@ -444,7 +445,7 @@ impl Obj {
 }
 
 impl Skipped {
-    /// Adds what was skipped of later lines, which were counted from this one on.
+    /// Adds what was skipped in later lines; `line` is the number of lines before these.
     fn append(&mut self, later: Skipped, line: usize) {
         self.normals |= later.normals;
         self.textures |= later.textures;
@@ -458,7 +459,7 @@ impl Skipped {
         self.first_line = self.first_line.take().or_else(|| later.first_line.map(shifted));
     }
 
-    /// Notes what was skipped.
+    /// Adds notes about what was skipped.
     fn note(&self, mesh: &mut Mesh, colours: bool) {
         let Skipped { faces, tails, lines, .. } = *self;
         mesh.note_unread(&[
@@ -484,26 +485,27 @@ impl Skipped {
     }
 }
 
-/// The words that other lines of OBJ begin with, all of which are skipped: groups, points and
-/// lines, what belongs to curves and surfaces, and how they are to be shown.
+/// The keywords of OBJ lines that are skipped: of groups, points and lines, of curves and
+/// surfaces, and of display attributes.
 const SKIPPED: &str = "g o s p l mg vp deg bmat step cstype parm trim hole scrv sp end con bevel c_interp d_interp lod \
     shadow_obj trace_obj ctech stech maplib usemap csh bsp bzp cdc cdp res";
 
 /// The first word of a line, and what follows it.
 fn keyword_of(line: &[u8]) -> (&[u8], &[u8]) {
-    // A vertical tab is a blank to the C language, and to the words behind the keyword.
+    // C's `isspace` accepts a vertical tab, and so does the splitting of the words after the
+    // keyword.
     let is_blank = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'\x0b';
     let line = &line[line.iter().position(|byte| !is_blank(byte)).unwrap_or(line.len())..];
     line.split_at(line.iter().position(|byte| is_blank(byte) || *byte == b'#').unwrap_or(line.len()))
 }
 
-/// The number that the next word is.
+/// The next word as a number, if it is one.
 fn next_number<'a>(words: &mut impl Iterator<Item = &'a str>) -> Option<Number> {
     Number::of_word(words.next()?.as_bytes())
 }
 
-/// The first of up to three numbers between slashes; 0 in the place of a missing one. None if one
-/// is no whole number.
+/// The first of up to three integers separated by slashes, all of which are checked; a missing
+/// one counts as 0. None if one is not an integer.
 fn vertex_index(word: &str) -> Option<i64> {
     let number = |part: &str| if part.is_empty() { Some(0) } else { part.parse::<i64>().ok() };
     let mut parts = word.split('/').map(number);
@@ -512,9 +514,9 @@ fn vertex_index(word: &str) -> Option<i64> {
     is_valid.then_some(index)
 }
 
-/// Whether a line that ends in a backslash goes on in the next one. A comment does not, since it
-/// may end in the name of a Windows folder; a name does not if the next line is empty or begins
-/// with a keyword.
+/// Whether a line that ends in a backslash continues in the next line. A comment does not,
+/// since it may end in the name of a Windows folder. A name does not either if the next line is
+/// empty or begins with a keyword.
 fn goes_on(line: &[u8], next: &[u8]) -> bool {
     let is_one_of =
         |keyword: &[u8], words: &str| words.split(' ').any(|it| keyword.eq_ignore_ascii_case(it.as_bytes()));
@@ -524,12 +526,12 @@ fn goes_on(line: &[u8], next: &[u8]) -> bool {
     !line.contains(&b'#') && (!is_name || !is_own)
 }
 
-/// Takes a line without its end, joined with the next one after a backslash, and the number of
-/// lines it consisted of. None if its end is not in the buffer yet.
+/// Takes the next line without its end, joined with the following ones where it ends in a
+/// backslash, and the number of lines taken. None if the end is not in the buffer yet.
 fn joined<'a>(rest: &mut &'a [u8], ended: bool) -> Option<(Cow<'a, [u8]>, usize)> {
     let mut joined = Cow::Borrowed(&[][..]);
     for count in 1.. {
-        // A carriage return alone ends a line, too: in the files of old Macs.
+        // A carriage return alone ends a line, too, as in files of the classic Mac OS.
         let end = memchr::memchr2(b'\n', b'\r', rest).map_or(rest.len(), |end| end + 1);
         let end = end + usize::from(rest[..end].ends_with(b"\r") && rest[end..].starts_with(b"\n"));
         let line = rest.split_off(..end)?.trim_ascii_end();

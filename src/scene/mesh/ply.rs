@@ -1,5 +1,4 @@
-//! PLY, text and binary: ply-rs-bw reads the header, and elements are read straight from their
-//! bytes or words.
+//! PLY, text and binary: the crate ply-rs-bw parses the header; elements are parsed here.
 
 mod header;
 mod numbers;
@@ -19,14 +18,15 @@ use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
 use header::{Checked, Content, Element, Field, STRIPS, colour_of, has_deep_colour, has_part_of_a_colour, is_face};
 use numbers::{Bytes, Misread, Record, Stop, Words};
-use usual::{Taken, Usual};
+use usual::{TakenRecords, Usual};
 
-/// The mesh of a file of this length; None if that cannot be read.
+/// Reads the mesh of a file of this length in bytes; None if the file cannot be read.
 pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
     read_by(file, length, Usual::of)
 }
 
-/// Whether a file of this length has faces or strips, by its header; None if that cannot be read.
+/// Whether a file of this length has faces or triangle strips, by its header; None if the file
+/// cannot be read.
 pub(in crate::scene) fn has_faces(file: impl Read, length: usize) -> Option<bool> {
     let mut pieces = Pieces::new(file, length);
     let checked = header_of(&mut pieces, length, Content::Points)?.ok()?;
@@ -34,17 +34,18 @@ pub(in crate::scene) fn has_faces(file: impl Read, length: usize) -> Option<bool
     Some(kinds.into_iter().any(|element| is_face(&element.name) && element.count > 0))
 }
 
-/// The vertices of a file as points.
+/// The vertices of a file, as a point cloud.
 pub(in crate::scene) struct Points {
     pub vertices: Vertices,
-    /// The colour of each in linear light; none if the file has no colours.
+    /// The colour of each point in linear light; empty if the file has no colours.
     pub colours: Vec<Vec3>,
-    /// The indices of those that are not finite, in ascending order.
+    /// The indices of points that are not finite, in ascending order.
     pub non_finite: Vec<usize>,
     pub notes: Vec<String>,
 }
 
-/// The vertices of a file of this length, which may have no faces; None if that cannot be read.
+/// Reads the vertices of a file of this length, which need not have faces; None if the file
+/// cannot be read.
 pub(in crate::scene) fn read_points(file: impl Read, length: usize) -> Option<Result<Points, MeshError>> {
     let mut pieces = Pieces::new(file, length);
     let checked = match header_of(&mut pieces, length, Content::Points)? {
@@ -62,14 +63,14 @@ pub(in crate::scene) fn read_points(file: impl Read, length: usize) -> Option<Re
         Points { vertices: made.points, colours: made.tints, non_finite, notes }
     });
     match read {
-        // A read error is not an error of the content.
+        // Return None if the error is due to a failed read, which then fails again.
         Err(_) if elements.pieces.lengthen().is_none() => None,
         read => Some(read),
     }
 }
 
-/// The header of a file of this length; None if that cannot be read. What follows it is left in
-/// `pieces`.
+/// Reads the header of a file of this length; None if the file cannot be read. Leaves `pieces`
+/// at the first byte after the header.
 fn header_of(pieces: &mut Pieces<impl Read>, length: usize, content: Content) -> Option<Result<Checked, MeshError>> {
     pieces.fill()?;
     loop {
@@ -79,14 +80,14 @@ fn header_of(pieces: &mut Pieces<impl Read>, length: usize, content: Content) ->
                 return Some(Ok(checked));
             }
             Err(fault) if pieces.ended() => return Some(Err(fault)),
-            // Its end may come later.
+            // The end of the header may follow in the next piece.
             Err(_) => pieces.lengthen()?,
         }
     }
 }
 
-/// As [`read`]; `usual` gives the layout of an element's records if they can be taken straight from
-/// their bytes.
+/// As [`read`]. `usual` returns the layout of an element's records if the fast reader supports
+/// it.
 fn read_by(
     file: impl Read,
     length: usize,
@@ -99,30 +100,31 @@ fn read_by(
     };
     let mut elements = Elements::new(pieces, &checked, usual);
     match elements.mesh(&checked) {
-        // A read error is not an error of the content.
+        // Return None if the error is due to a failed read, which then fails again.
         Err(_) if elements.pieces.lengthen().is_none() => None,
         read => Some(read),
     }
 }
 
-/// How the elements of a text stand in lines.
+/// How the elements of a text file are arranged in lines.
 #[derive(Clone, Copy, PartialEq)]
 enum Lines {
-    /// Each has ended with a line so far, its first one or a later one.
+    /// Every element so far has ended at a line end; how many lines each takes is not known.
     Unknown,
-    /// Each has a line of its own, whose further numbers are not read.
+    /// Each element is on one line. Further numbers of the line are skipped.
     OneEach,
-    /// They follow each other as if there were no lines; this is the first that ends within an
-    /// element.
+    /// Line ends are ignored, since elements end in the middle of lines; `from` is the first
+    /// such line.
     None { from: usize },
 }
 
 impl Lines {
-    /// How elements stand in lines, now that another one has been read, after which so many are
-    /// `left`. What does not belong to an element in its line is passed over.
+    /// The arrangement, given that another element has been read and that `left` ones remain.
+    /// Under [`OneEach`](Self::OneEach) the rest of the line is skipped.
     ///
-    /// A line with more numbers than an element has either begins the next one or has numbers that
-    /// the header does not know: the latter where each of those left can have a line of its own.
+    /// A line with more numbers than an element needs either begins the next element or has
+    /// numbers that the header does not declare. It is the latter if enough lines remain for one
+    /// element each.
     fn after_element(self, words: &mut Words<'_>, left: usize) -> Result<Self, Stop> {
         if matches!(self, Lines::None { .. }) || !words.has_more_in_line()? {
             return Ok(self);
@@ -138,32 +140,32 @@ impl Lines {
     }
 }
 
-/// What follows the header, element by element.
+/// The elements of a file, read one by one.
 struct Elements<R> {
     pieces: Pieces<R>,
     encoding: Encoding,
-    /// In text, the number of the current line.
+    /// In a text file, the number of the current line.
     line: usize,
-    /// The elements that have not been read, of those that have any numbers.
+    /// The number of elements not read yet, not counting those without properties.
     left: usize,
     lines: Lines,
-    /// The last element.
+    /// The content of the element read last.
     record: Record,
-    /// Gives the layout of an element's records if they can be taken straight from their bytes.
+    /// Returns the layout of an element's records if the fast reader supports it.
     usual: fn(&Element<'_>, Encoding) -> Option<Usual>,
 }
 
-/// An element that is being read, for errors.
+/// The element that is being read, for errors.
 #[derive(Clone, Copy)]
 struct Current<'a> {
     definition: &'a ElementDef,
     fields: &'a [Field<'a>],
-    /// Its number among those of its kind, from 1.
+    /// Its number among the elements of its name, from 1.
     number: usize,
 }
 
 impl<R: Read> Elements<R> {
-    /// What follows this header, from its first element on.
+    /// The elements after this header, none of which has been read.
     fn new(pieces: Pieces<R>, checked: &Checked, usual: fn(&Element<'_>, Encoding) -> Option<Usual>) -> Self {
         let in_words = checked.header.elements.values().filter(|element| !element.properties.is_empty());
         let left = in_words.map(|element| element.count).sum();
@@ -180,15 +182,15 @@ impl<R: Read> Elements<R> {
         let header = &checked.header;
         let mut made = Made { vertices: header.elements["vertex"].count, ..Made::default() };
         if let Err(fault) = self.elements(&checked.elements(), &mut made) {
-            // In a binary file, where anything is a number, it is the first sign that those which
-            // follow are others.
+            // A small face in a binary file, where any bytes are valid numbers, is the first
+            // sign that the data does not match the header: report it rather than `fault`.
             return Err(made.first_small.filter(|_| self.encoding != Encoding::Ascii).unwrap_or(fault));
         }
         let mut rest = Vec::new();
         let _ = (&mut self.pieces).take(1 << 12).read_to_end(&mut rest);
         let is_longer = !rest.trim_ascii().is_empty();
         if is_longer || matches!(self.lines, Lines::None { .. }) {
-            // The file is not as its header says: its small faces are none.
+            // The data does not match the header, so small faces are errors.
             if let Some(fault) = made.first_small.take() {
                 return Err(self.out_of_step(fault));
             }
@@ -228,14 +230,14 @@ impl<R: Read> Elements<R> {
         Ok(())
     }
 
-    /// Takes records as long as they are usual, and returns their number. `read` of the element's
-    /// `count` records have been read before.
+    /// Reads records in the layout `usual` until one is unusual, and returns their number.
+    /// `read` of the element's `count` records have been read before.
     fn take_usual(&mut self, usual: &Usual, read: usize, count: usize, made: &mut Made) -> usize {
         let mut taken = 0;
-        // A read error ends the loop, and occurs again when the next record is read.
+        // A failed read ends the loop, and fails again at the next record.
         while read + taken < count && self.pieces.fill().is_some() {
             let bytes = self.pieces.rest();
-            let Taken { records, left } = usual.take(bytes, read + taken, count, made);
+            let TakenRecords { records, left } = usual.take(bytes, read + taken, count, made);
             self.pieces.leave(left);
             if records == 0 {
                 break;
@@ -245,10 +247,10 @@ impl<R: Read> Elements<R> {
         taken
     }
 
-    /// Reads an element into the record.
+    /// Reads the next element into `record`.
     fn next(&mut self, current: Current<'_>) -> Result<(), MeshError> {
         loop {
-            // A read error ends the element, and is found again.
+            // A failed read is reported as the end of the file; the caller tells the two apart.
             self.pieces.fill().ok_or_else(|| self.cut_off(current))?;
             let read = match self.encoding {
                 Encoding::Ascii => self.next_of_text(current.fields),
@@ -309,7 +311,7 @@ impl<R: Read> Elements<R> {
         }
     }
 
-    /// The error for a number, or for a line that has too few of them.
+    /// The error for an invalid number, or for a line with too few numbers (`misread` is None).
     fn misread(&self, current: Current<'_>, property: &str, misread: Option<Misread>) -> MeshError {
         let Current { definition, number, .. } = current;
         let name = &definition.name;
@@ -331,12 +333,13 @@ impl<R: Read> Elements<R> {
         self.out_of_step(MeshError::new(message).expected(expected))
     }
 
-    /// With the current line, in text.
+    /// Adds the current line to an error, in text files.
     fn at(&self, fault: MeshError) -> MeshError {
         if self.encoding == Encoding::Ascii { self.out_of_step(fault.line(self.line)) } else { fault }
     }
 
-    /// With the line where elements and lines part, if they do: often a number is missing there.
+    /// If elements end in the middle of lines, adds the first line where one does: often a
+    /// number is missing there.
     fn out_of_step(&self, mut fault: MeshError) -> MeshError {
         if let (Lines::None { from }, Some(expected)) = (self.lines, &mut fault.expected) {
             *expected += &format!("; line {from} does not end with an element, and numbers may be missing before");
@@ -345,11 +348,11 @@ impl<R: Read> Elements<R> {
     }
 }
 
-/// The mesh, as far as it has been read.
+/// The mesh as far as it has been read.
 #[derive(Default)]
 struct Made {
     mesh: Mesh,
-    /// The number of vertices that the header counts.
+    /// The number of vertices according to the header.
     vertices: usize,
     points: Vertices,
     /// The vertices that are not finite.
@@ -359,28 +362,28 @@ struct Made {
     fans: Vec<Fan>,
     /// The corners of the current face.
     corners: Vec<u32>,
-    /// Whether the current kind of elements has colours.
+    /// Whether elements of the current name have colours.
     is_coloured: bool,
     exceeds_one: bool,
-    /// In text, the line of the current element.
+    /// In a text file, the line of the current element.
     line: Option<usize>,
-    /// The number of faces with less than three corners, which are left out, and the error for the
-    /// first one.
+    /// The number of faces with fewer than three corners, which are left out, and the error for
+    /// the first of them, which is reported if the data does not match the header.
     small_faces: usize,
     first_small: Option<MeshError>,
 }
 
 impl Made {
-    /// Begins with a kind of elements.
+    /// Begins the elements of a name.
     fn begin(&mut self, definition: &ElementDef) {
         self.is_coloured = colour_of(definition).is_some();
         if self.is_coloured {
-            // White for the triangles of a previous kind without colours.
+            // Earlier triangles without colours are white.
             self.mesh.paint_to(self.mesh.triangles.len(), Vec3::ONE);
         }
         match definition.name.as_str() {
             "vertex" => {
-                // With room for the padding that faces have after their vertices.
+                // One more than counted: `Faces` appends a vertex of padding.
                 self.points = Vertices::in_room(room(definition.count + 1));
                 self.tints = room(if self.is_coloured { definition.count } else { 0 });
             }
@@ -389,7 +392,7 @@ impl Made {
         }
     }
 
-    /// Adds an element of this kind, if it is of any that is read.
+    /// Adds an element of this definition, if its kind is read at all.
     fn add(&mut self, definition: &ElementDef, number: usize, record: &Record) -> Result<(), MeshError> {
         match definition.name.as_str() {
             "vertex" => {
@@ -408,7 +411,7 @@ impl Made {
         Ok(())
     }
 
-    /// Adds the colour of a vertex, if vertices have any.
+    /// Adds the colour of a vertex, if vertices have colours.
     fn add_tint(&mut self, colour: Vec3) {
         if self.is_coloured {
             self.tints.push(colour);
@@ -416,7 +419,7 @@ impl Made {
         }
     }
 
-    /// Gives the triangles of the last face their colour, if faces have any.
+    /// Sets the colour of the triangles of the last face, if faces have colours.
     fn add_colour_of_face(&mut self, colour: Vec3) {
         if self.is_coloured {
             self.mesh.paint_to(self.mesh.triangles.len(), colour);
@@ -440,8 +443,9 @@ impl Made {
         Ok(())
     }
 
-    /// Adds strips of triangles, separated by -1: each corner makes one with the two before it, and
-    /// every other one is reversed. Those with a repeated corner only lead the strip elsewhere.
+    /// Adds triangle strips, which are separated by -1. Each corner from the third on makes a
+    /// triangle with the two before it, and every second triangle is reversed. Triangles with a
+    /// repeated corner are left out: they only continue the strip elsewhere.
     fn add_strips(&mut self, number: usize, corners: &[i64]) -> Result<(), MeshError> {
         let mut strip = Vec::new();
         for (corner, &index) in (1..).zip(corners) {
@@ -461,7 +465,7 @@ impl Made {
         Ok(())
     }
 
-    /// The vertex at a corner of a face or a strip.
+    /// The vertex index of a corner of a face or strip; an error if it is out of range.
     fn vertex(&self, owner: &str, number: usize, corner: usize, index: i64) -> Result<u32, MeshError> {
         u32::try_from(index).ok().filter(|index| (*index as usize) < self.vertices).ok_or_else(|| {
             let has = only(self.vertices);
@@ -471,7 +475,7 @@ impl Made {
         })
     }
 
-    /// The mesh, whose faces have their own colours, or else those of their vertices; and notes on
+    /// The mesh, with the colours of its faces or else of its vertices, and with notes about
     /// what was not read.
     fn finish(mut self, header: &Header) -> Result<Mesh, MeshError> {
         match self.first_small {
@@ -512,7 +516,8 @@ impl Made {
     }
 }
 
-/// Whether colours of 16 bits are not all black, and none exceeds the highest level of 8.
+/// Whether 16-bit colours are not all black and yet none exceeds 255, so that 8-bit levels are
+/// meant.
 fn has_levels_of_8_bits(mesh: &Mesh) -> bool {
     let brightest = mesh.colours.iter().map(|(_, colour)| colour.max_element()).fold(0.0, f32::max);
     brightest > 0.0 && brightest <= to_linear(f64::from(u8::MAX) / f64::from(u16::MAX))

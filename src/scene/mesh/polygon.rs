@@ -1,33 +1,34 @@
-//! Faces of more than three corners: fans if they are convex, and triangulated by ear clipping if
-//! not.
+//! Triangulating faces of more than three corners: as a fan if they are convex, else by ear
+//! clipping.
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::MeshError;
 use super::fault::counted;
 
-/// The most corners that one of a face is compared with, on average: enough for some two thousand
-/// corners.
+/// The most corners that ear clipping compares with each corner of a face, on average: enough for
+/// faces of some two thousand corners. This bounds the time.
 const PATIENCE: usize = 1000;
 
-/// A face that was read as a fan around its first corner, before all vertices were known.
+/// A face that was stored as a triangle fan around its first corner, before all vertices were
+/// known.
 pub(super) struct Fan {
-    /// Its number in the file, from 1.
+    /// The face's number in the file, from 1.
     pub number: usize,
-    /// The first of its triangles.
+    /// The index of its first triangle in the mesh.
     pub first: usize,
-    /// The number of its corners: two more than triangles.
+    /// The number of its corners; it has two triangles fewer.
     pub corners: usize,
 }
 
-/// Triangulates the faces that are not convex again, in place.
+/// Replaces, in place, the fans of faces that are not convex.
 pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -> Result<(), MeshError> {
     for &Fan { number, first, corners } in fans {
         let fan = &mut triangles[first..first + corners - 2];
         let mut outline: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|triangle| triangle[2])).collect();
         let place = |index: &u32| vertices[*index as usize];
-        // A corner that is repeated turns at neither of its copies, which would hide a turn to the
-        // right.
+        // Remove repeated corners: neither of the two copies makes a turn, which would hide a turn
+        // to the right.
         let mut before = place(&outline[corners - 1]);
         outline.retain(|index| place(index) != std::mem::replace(&mut before, place(index)));
         let flat = flat(outline.iter().map(|index| place(index).as_dvec3()).collect());
@@ -46,8 +47,8 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
     Ok(())
 }
 
-/// A face projected along the axis nearest to its normal (Newell's: the sum over all its edges),
-/// counter-clockwise.
+/// A face projected to two dimensions, along the axis nearest to its normal by Newell's method,
+/// such that its corners go counter-clockwise.
 fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     let from_first = |corner: &DVec3| *corner - corners[0];
     let edges = corners.iter().zip(corners.iter().skip(1));
@@ -60,8 +61,8 @@ fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     corners.iter().map(seen).collect()
 }
 
-/// Whether there is no turn to the right beyond the rounding of corners to f32, and none back to
-/// the same place.
+/// Whether the outline makes no turn to the right, beyond the rounding of corners to f32, and does
+/// not return to where it came from.
 fn is_convex(flat: &[DVec2]) -> bool {
     let rounding = flat.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max) * f64::from(f32::EPSILON);
     (0..flat.len()).all(|at| {
@@ -70,13 +71,14 @@ fn is_convex(flat: &[DVec2]) -> bool {
     })
 }
 
-/// Greater than 0 for a turn to the left at `b` on the way from `a` to `c`.
+/// Greater than 0 if the way from `a` over `b` to `c` turns left at `b`.
 fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - b)
 }
 
-/// Clips ears one by one, triangles of three consecutive corners with no other corner in them; if
-/// there is none, as in an outline that crosses itself, of any three. None if that takes too long.
+/// Triangulates by clipping ears: triangles of three consecutive corners with no other corner
+/// inside. If there is no ear, as in an outline that crosses itself, any three consecutive corners
+/// are clipped. None if this takes too long.
 fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let mut rest: Vec<usize> = (0..flat.len()).collect();
     let mut ears = Vec::with_capacity(flat.len() - 2);
@@ -84,8 +86,8 @@ fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     while rest.len() > 3 {
         let count = rest.len();
         let ear = |at: usize| [at + count - 1, at, at + 1].map(|at| rest[at % count]);
-        // Where the rest comes back to a place at once nothing is between: it is cut before an ear
-        // beside it is taken for one.
+        // Where the outline returns along the same edge it encloses nothing: clip that spike before
+        // the corners beside it are taken for an ear.
         let mut places = if are_sought { 0..count } else { at + count - 2..at + count };
         let back = places.find(|at| matches!(ear(*at).map(|corner| flat[corner]), [a, b, c] if a == c || b == c));
         are_sought &= back.is_some();
@@ -101,7 +103,7 @@ fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
             ears.push(ear(at));
             rest.remove(at);
             refused = 0;
-            // The next corner has come into this place; going on after it avoids a fan of slivers.
+            // The next corner is now at index `at`. Continuing after it avoids a fan of slivers.
             at = (at + 1) % (count - 1);
         } else {
             refused += 1;

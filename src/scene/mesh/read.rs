@@ -1,5 +1,5 @@
-//! Reading mesh files: what all formats share, from the file's name to faces of any number of
-//! corners.
+//! Reading mesh files: what all formats share, from choosing the format to storing faces of any
+//! number of corners.
 
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
@@ -19,18 +19,18 @@ impl Mesh {
     /// Reads a mesh file in the format of its extension.
     ///
     /// # Errors
-    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Unreadable
-    /// materials are not an error, but a note. Memory stays within a small multiple of the file's
-    /// length, whatever its header claims.
+    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Material
+    /// files that cannot be read are not an error, but a note. The memory used stays within a small
+    /// multiple of the file's length, whatever sizes its header claims.
     pub fn read(path: &Path) -> Result<Mesh, MeshError> {
         Mesh::read_with_threads(path, 1)
     }
 
-    /// As [`read`](Self::read), by up to this many threads if the file is a long OBJ: the mesh and
-    /// the errors are the same.
+    /// As [`read`](Self::read), with up to this many threads if the file is a long OBJ. The number
+    /// of threads changes neither the mesh nor the errors.
     ///
     /// # Errors
-    /// As there.
+    /// As [`read`](Self::read).
     pub fn read_with_threads(path: &Path, threads: usize) -> Result<Mesh, MeshError> {
         let _floats = StandardFloats::set();
         let format = MeshFormat::from_path(path).ok_or_else(|| {
@@ -53,8 +53,8 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Reads the content of a mesh file, without the materials in other files, and of glTF only
-    /// what has all of its buffers in itself; errors call it `name`.
+    /// Reads the content of a mesh file; errors call the file `name`. Other files, with the
+    /// materials of OBJ, are not read, and a glTF file must contain all of its buffers.
     ///
     /// # Errors
     /// As [`Mesh::read`].
@@ -67,7 +67,7 @@ impl Mesh {
         mesh.map_err(|fault| fault.of(name))
     }
 
-    /// Adds face `number`, of three corners or more, as a fan around its first.
+    /// Adds face `number`, with at least three corners, as a fan around its first corner.
     pub(super) fn push_face(&mut self, number: usize, corners: &[u32], fans: &mut Vec<Fan>) {
         if corners.len() > 3 {
             fans.push(Fan { number, first: self.triangles.len(), corners: corners.len() });
@@ -75,8 +75,8 @@ impl Mesh {
         self.triangles.extend(corners[1..].windows(2).map(|pair| [corners[0], pair[0], pair[1]]));
     }
 
-    /// Refuses the mesh if one of these vertices, which are in ascending order, is the corner of a
-    /// triangle: with the error of the first such vertex.
+    /// An error if one of these vertices is a corner of a triangle: that of the first such vertex.
+    /// `non_finite` is in ascending order.
     pub(super) fn refuse_used(&self, non_finite: &[NonFiniteVertex]) -> Result<(), MeshError> {
         let Some(first) = non_finite.first() else { return Ok(()) };
         let mut used = vec![false; self.vertices.len() - first.index];
@@ -89,7 +89,7 @@ impl Mesh {
         first_used.map_or(Ok(()), |vertex| Err(vertex.fault()))
     }
 
-    /// Removes these vertices, which are in ascending order and no corner of any triangle.
+    /// Removes these vertices, which are in ascending order and which no triangle uses.
     pub(super) fn drop_vertices(&mut self, dropped: &[NonFiniteVertex]) {
         if dropped.is_empty() {
             return;
@@ -104,7 +104,7 @@ impl Mesh {
         }
     }
 
-    /// Triangulates faces that are not convex, now that all vertices are known.
+    /// Triangulates the faces that are not convex, once all vertices are known.
     pub(super) fn cut(mut self, fans: &[Fan]) -> Result<Mesh, MeshError> {
         self.polygons = fans.len();
         polygon::cut(fans, &self.vertices, &mut self.triangles)?;
@@ -112,7 +112,7 @@ impl Mesh {
     }
 }
 
-/// The error for a file that the system does not give, where `what` is expected.
+/// The error for a file that cannot be read; `what` says what was expected to be there.
 pub(in crate::scene) fn unread(path: &Path, cause: &io::Error, what: &str) -> MeshError {
     match cause.kind() {
         ErrorKind::NotFound if is_address(path) => MeshError::new(ONLY_FILES),
@@ -124,8 +124,8 @@ pub(in crate::scene) fn unread(path: &Path, cause: &io::Error, what: &str) -> Me
     }
 }
 
-/// The mesh of a file of this length, with only a piece at a time in memory; None if that cannot be
-/// read. `shared` is the file for several threads.
+/// Reads the mesh of a file of this length, of which only a piece is in memory at a time; None if
+/// the file cannot be read. `shared`, if given, is the same file for reading with several threads.
 fn parse(
     mut file: impl Read,
     length: usize,
@@ -140,7 +140,7 @@ fn parse(
     if let Some(mistaken) = recognise(&begin).filter(|_| format != MeshFormat::Stl) {
         return Some(Err(MeshError::mistaken(mistaken)));
     }
-    // The title of a binary STL may begin with anything; in a text, only ASCII is read.
+    // Skip a byte order mark in text formats. The title of a binary STL may begin with any bytes.
     let text = begin.strip_prefix(BYTE_ORDER_MARK.as_bytes()).filter(|_| format != MeshFormat::Stl).unwrap_or(&begin);
     let unread = recognise_unread(&begin).or_else(|| other_mesh(&begin, format));
     let mark = begin.len() - text.len();
@@ -150,16 +150,16 @@ fn parse(
         MeshFormat::Obj => obj::read(file, length, shared.map(|shared| shared.after(mark)))?,
         MeshFormat::Ply => ply::read(file, length)?.map(alone),
         MeshFormat::Stl => stl::read(file, length)?.map(alone),
-        // All of it is needed at once, and is read by itself.
+        // glTF needs the whole file at once; the caller reads it so.
         MeshFormat::Gltf => unreachable!("glTF is not read in pieces"),
     };
     let read = read.and_then(|(mesh, materials)| Ok((not_empty(mesh)?, materials)));
-    // Any bytes may be the title of a binary STL file, and the first words of a text: what could be
-    // read is none of these.
+    // Report that the file is of another kind only if it could not be read: a binary STL may begin
+    // with any bytes, and a text with any words.
     Some(read.map_err(|fault| unread.map_or(fault, MeshError::mistaken)))
 }
 
-/// The mesh of the content of a glTF file, with buffers of other files in this folder.
+/// Reads the mesh from the content of a glTF file, with other buffers from files in `folder`.
 fn gltf_of_bytes(source: &[u8], folder: Option<&Path>) -> Result<Mesh, MeshError> {
     let text = source.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(source);
     gltf::read(text, folder).and_then(not_empty).map_err(|fault| {
@@ -168,7 +168,7 @@ fn gltf_of_bytes(source: &[u8], folder: Option<&Path>) -> Result<Mesh, MeshError
     })
 }
 
-/// The mesh, unless it has no triangles.
+/// The mesh, or an error if it has no triangles.
 fn not_empty(mesh: Mesh) -> Result<Mesh, MeshError> {
     if mesh.triangles.is_empty() {
         return Err(MeshError::new("the mesh is empty").expected("at least one face"));
@@ -176,7 +176,7 @@ fn not_empty(mesh: Mesh) -> Result<Mesh, MeshError> {
     Ok(mesh)
 }
 
-/// The format of meshes that a file begins as, if its name says another one.
+/// The mesh format that a file begins as, if that differs from the format its name says.
 fn other_mesh(beginning: &[u8], format: MeshFormat) -> Option<&'static Mistaken> {
     const HELP: &str = "give its name the ending of its format";
     const OTHERS: [(&[u8], Mistaken); 4] = [

@@ -1,5 +1,5 @@
-//! Generated meshes of any size: an icosphere, smooth or bumpy, a torus, and a terrain. The same on
-//! every machine.
+//! Generated meshes of any size: an icosphere, smooth or bumpy, a torus, and a terrain. They are
+//! the same on every machine.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -9,22 +9,22 @@ use glam::DVec3;
 use super::Mesh;
 use crate::scene::Rng;
 
-/// The most triangles of a shape.
+/// The most triangles of a generated mesh.
 pub const MOST_TRIANGLES: u64 = 100_000_000;
 
-/// The sphere of radius 1 about the origin as an icosahedron whose faces are cut into f² triangles
-/// each: 20 f² of them, with f such that this is nearest to `triangles`. Closed, seen from outside
-/// counter-clockwise.
+/// The unit sphere about the origin as a subdivided icosahedron: each of its 20 faces is cut into
+/// f² triangles, where f makes the total of 20 f² as near as possible to `triangles`. Closed;
+/// counter-clockwise seen from outside.
 ///
-/// With `bumps` above 0 its radius varies from 1 by up to that share, by noise from `seed`, and it
-/// stays closed.
+/// If `bumps` is above 0, the radius varies by up to that share of it, by noise from `seed`; the
+/// mesh remains closed.
 pub fn icosphere(triangles: u64, bumps: f64, seed: u64) -> Mesh {
     let frequency = nearest(triangles, |f| 20 * f * f);
     let noise = Noise::new(seed);
     let corners = icosahedron();
     let mut mesh = Mesh::default();
-    // A point inside an edge or at a corner belongs to several faces, and is made once: its weights
-    // of the icosahedron's corners identify it.
+    // A point on an edge or corner of the icosahedron belongs to several faces but is created once:
+    // its barycentric weights of the icosahedron's corners identify it.
     let mut shared = HashMap::new();
     for face in FACES {
         let mut point = |weights: [u64; 3]| {
@@ -45,7 +45,7 @@ pub fn icosphere(triangles: u64, bumps: f64, seed: u64) -> Mesh {
                 make()
             }
         };
-        // Row by row from the first corner: row i has i + 1 points.
+        // The face's points row by row, starting at its first corner: row i has i + 1 points.
         let mut above = vec![point([frequency, 0, 0])];
         for row in 1..=frequency {
             let below: Vec<u32> = (0..=row).map(|at| point([frequency - row, row - at, at])).collect();
@@ -61,8 +61,9 @@ pub fn icosphere(triangles: u64, bumps: f64, seed: u64) -> Mesh {
     mesh
 }
 
-/// A torus about the y axis, of radius 1 with a tube of radius 0.4, of 2 · 2n · n triangles, with n
-/// such that this is nearest to `triangles`. Closed, seen from outside counter-clockwise.
+/// A torus about the y axis: the circle inside the tube has radius 1, the tube has radius 0.4. It
+/// has 2 · 2n · n triangles, with n such that this is as near as possible to `triangles`. Closed;
+/// counter-clockwise seen from outside.
 pub fn torus(triangles: u64) -> Mesh {
     let around_tube = nearest(triangles, |n| 4 * n * n).max(3);
     let around = 2 * around_tube;
@@ -86,8 +87,9 @@ pub fn torus(triangles: u64) -> Mesh {
     mesh
 }
 
-/// Hills from `seed` over the square from -1 to 1 in x and z, y up, of 2 n² triangles, with n such
-/// that this is nearest to `triangles`. Open; seen from above counter-clockwise.
+/// A terrain of hills, by noise from `seed`, over the square from -1 to 1 in x and z, with y up. It
+/// has 2 n² triangles, with n such that this is as near as possible to `triangles`. Open;
+/// counter-clockwise seen from above.
 pub fn terrain(triangles: u64, seed: u64) -> Mesh {
     let side = nearest(triangles, |n| 2 * n * n);
     let noise = Noise::new(seed);
@@ -112,7 +114,7 @@ pub fn terrain(triangles: u64, seed: u64) -> Mesh {
     mesh
 }
 
-/// The n from 1 for which `count`, which grows, is nearest to `triangles`.
+/// The n from 1 on for which `count(n)` is nearest to `triangles`; `count` must increase.
 fn nearest(triangles: u64, count: impl Fn(u64) -> u64) -> u64 {
     let triangles = triangles.min(MOST_TRIANGLES);
     let above = (1..).find(|&n| count(n) >= triangles).unwrap_or(1);
@@ -120,7 +122,7 @@ fn nearest(triangles: u64, count: impl Fn(u64) -> u64) -> u64 {
     if triangles.abs_diff(count(below)) <= triangles.abs_diff(count(above)) { below } else { above }
 }
 
-/// The corners: even permutations of (0, ±1, ±φ), on the unit sphere.
+/// The corners of an icosahedron on the unit sphere: even permutations of (0, ±1, ±φ), normalised.
 fn icosahedron() -> [DVec3; 12] {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).normalize();
@@ -140,7 +142,7 @@ fn icosahedron() -> [DVec3; 12] {
     ]
 }
 
-/// Its faces, counter-clockwise from outside.
+/// The faces of the icosahedron, counter-clockwise from outside.
 const FACES: [[usize; 3]; 20] = [
     [0, 11, 5],
     [0, 5, 1],
@@ -164,7 +166,7 @@ const FACES: [[usize; 3]; 20] = [
     [9, 8, 1],
 ];
 
-/// Smooth random values over space: random at whole coordinates, blended between them.
+/// Value noise: random values at integer coordinates, smoothly interpolated between them.
 struct Noise {
     seed: u64,
 }
@@ -174,12 +176,13 @@ impl Noise {
         Noise { seed }
     }
 
-    /// Five octaves, each of twice the frequency and half the height: within -1 and 1.
+    /// Fractal noise within -1 and 1: a sum of five octaves, each of twice the frequency and half
+    /// the amplitude of the one before.
     fn fractal(&self, at: DVec3) -> f64 {
         (0..5).map(|octave| 0.5_f64.powi(octave + 1) * self.smooth(at * f64::from(1 << octave))).sum()
     }
 
-    /// Within -1 and 1, and differentiable.
+    /// One octave of noise: within -1 and 1, and differentiable.
     fn smooth(&self, at: DVec3) -> f64 {
         let (cell, within) = (at.floor(), at - at.floor());
         let share = within * within * (3.0 - 2.0 * within);
@@ -192,7 +195,7 @@ impl Noise {
 
     fn at(&self, cell: DVec3) -> f64 {
         let [x, y, z] = cell.to_array().map(|coordinate| coordinate as i64 as u64);
-        // Each coordinate is mixed into the generator's state in turn.
+        // Mix each coordinate into the seed in turn.
         let mixed = [x, y, z].into_iter().fold(self.seed, |state, coordinate| {
             Rng::new(state ^ coordinate.wrapping_mul(0xd6e8_feb8_6659_fd93)).next_u64()
         });

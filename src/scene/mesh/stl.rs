@@ -1,4 +1,4 @@
-//! STL: binary piece by piece, and text line by line.
+//! STL: binary files read piece by piece, text files line by line.
 
 use std::io::Read;
 
@@ -13,14 +13,15 @@ use crate::kernels::sys::room;
 use crate::scene::diagnostic::brief;
 use crate::scene::log::is_line_end;
 
-/// A binary file: a title of this many bytes, a count of 4 bytes, and the facets.
+/// The layout of a binary file: a title of `TITLE` bytes, a count of 4 bytes, and the facets of
+/// `FACET` bytes each.
 const TITLE: usize = 80;
 const FACET: usize = 50;
 
-/// So much of a file tells whether it is text.
+/// How many bytes from the start of a file decide whether it is text.
 const BEGINNING: usize = 1 << 10;
 
-/// What an STL file is, as its beginning and its length tell.
+/// Whether an STL file is text or binary, as its beginning and its length tell.
 #[derive(Debug, PartialEq)]
 enum Kind {
     Text,
@@ -28,8 +29,9 @@ enum Kind {
     Neither,
 }
 
-/// The kind of a file of this length and beginning. A text begins with `solid` in any case, but so
-/// may the title of a binary file, which can also have more bytes than its count of facets tells.
+/// The kind of a file with this length and beginning. A text begins with `solid` in upper or lower
+/// case. But so may the title of a binary file, which may also be longer than its count of facets
+/// implies.
 fn kind(beginning: &[u8], length: usize) -> Kind {
     let body = length.saturating_sub(TITLE + 4);
     if claimed(beginning).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET)) {
@@ -38,10 +40,10 @@ fn kind(beginning: &[u8], length: usize) -> Kind {
     let mut lines = beginning.split(|byte| is_line_end(*byte)).map(first_word).filter(|word| !word.is_empty());
     let first = lines.next().unwrap_or_default();
     let is_keyword = |word: &[u8]| KEYWORDS.iter().any(|keyword| word.eq_ignore_ascii_case(keyword));
-    // Bytes that no text has; those of other alphabets are none of them.
+    // Text has no control characters besides white space. Bytes of non-ASCII encodings are none.
     let is_plain = !beginning.iter().any(|byte| byte.is_ascii_control() && !byte.is_ascii_whitespace());
     let is_solid = first.get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid"));
-    // Four bytes of a text are a count that no file has room for.
+    // If four bytes of a text are taken for the count, it is far more than the file has room for.
     let has_room = claimed(beginning).is_some_and(|claimed| claimed as usize <= body / FACET);
     let is_text = if is_plain {
         is_solid || is_keyword(first) || lines.any(is_keyword)
@@ -57,50 +59,54 @@ fn kind(beginning: &[u8], length: usize) -> Kind {
     }
 }
 
-/// What lines of a text begin with.
+/// Words that lines of a text file begin with.
 const KEYWORDS: [&[u8]; 3] = [b"solid", b"facet", b"endsolid"];
 
-/// The first word of a line, without what is no ASCII, such as a byte order mark.
+/// The first word of a line; any non-ASCII bytes, such as a byte order mark, count as separators.
 fn first_word(line: &[u8]) -> &[u8] {
     line.split(|byte| !byte.is_ascii_graphic()).find(|word| !word.is_empty()).unwrap_or_default()
 }
 
-/// The vertices of facets, which share none in a file: a corner equal bit by bit to a recent one
-/// becomes the same vertex. Facets are nearly always written beside their neighbours: few are
-/// missed, at the cost of memory.
+/// Merges the corners of facets into shared vertices, which STL lacks: a corner whose bits equal
+/// those of a recent corner becomes the same vertex. "Recent" means the last with its hash; since
+/// facets are nearly always written beside their neighbours, few equal corners are missed, and the
+/// table stays small.
 struct Corners {
     vertices: Vertices,
-    /// The last vertex of each hash.
+    /// The last vertex of each hash value.
     met: Vec<Met>,
 }
 
-/// A vertex that was met. Its place is here too: most of a mesh's vertices are in no cache.
+/// An entry of the hash table. It holds the coordinates too, since looking them up among all
+/// vertices would mostly miss the cache.
 #[derive(Clone, Copy)]
 struct Met {
-    /// The bits of its coordinates.
+    /// The bits of the vertex's coordinates.
     bits: [u32; 3],
     index: u32,
 }
 
 impl Met {
-    /// Of no vertex: coordinates are finite.
+    /// An empty entry: its bits are NaNs, which no vertex has.
     const NONE: Met = Met { bits: [u32::MAX; 3], index: u32::MAX };
 }
 
 impl Corners {
     const BITS: u32 = 15;
 
-    /// No vertices yet, and the mesh that they are added to.
+    /// No corners yet; vertices are stored in `room`.
     fn new(room: Vec<Vec3>) -> Self {
         Corners { vertices: Vertices::in_room(room), met: vec![Met::NONE; 1 << Self::BITS] }
     }
 
-    /// The index of this corner's vertex, which is finite, and given as the nearest f32 and f64.
+    /// The index of a corner's vertex, which is added if it is new. Its finite coordinates are
+    /// given rounded to f32 and to f64.
     #[inline]
     fn vertex(&mut self, single: Vec3, double: impl FnOnce() -> DVec3 + Copy) -> u32 {
         let bits = single.to_array().map(f32::to_bits);
         let [x, y, z] = bits;
-        // Odd numbers without a pattern: any difference changes the upper bits.
+        // Multiplication by odd constants without a regular bit pattern makes each coordinate
+        // affect the upper bits.
         let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ z.wrapping_mul(0xc2b2_ae3d);
         let met = &mut self.met[(mixed >> (u32::BITS - Self::BITS)) as usize];
         let is_met = met.bits == bits && self.vertices.is_exactly(met.index, single, double);
@@ -111,8 +117,8 @@ impl Corners {
         met.index
     }
 
-    /// The index of the vertex with these coordinates, three words of a text file. None if a word
-    /// is not a finite number.
+    /// The index of the vertex whose coordinates are three words of a text file. None if a word is
+    /// not a finite number.
     fn vertex_of_words(&mut self, words: [&[u8]; 3]) -> Option<u32> {
         let [x, y, z] = words.map(Number::of_word);
         let (x, y, z) = (x?, y?, z?);
@@ -121,12 +127,12 @@ impl Corners {
     }
 }
 
-/// The number of facets that a binary file claims.
+/// The number of facets that a binary file's header claims.
 fn claimed(source: &[u8]) -> Option<u32> {
     source.get(TITLE..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
 }
 
-/// The mesh of a file of this length; None if that cannot be read.
+/// Reads the mesh of a file of this length; None if the file cannot be read.
 pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
     let mut beginning = Vec::new();
     file.by_ref().take(BEGINNING as u64).read_to_end(&mut beginning).ok()?;
@@ -147,7 +153,7 @@ pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, Me
 
 /// Reads a binary file.
 fn binary(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>> {
-    /// The facets of a piece, which stays in a core's caches.
+    /// The facets read at a time: 100 KiB, which fit into a core's caches.
     const TOGETHER: usize = 2048;
     let mut head = Vec::new();
     file.by_ref().take((TITLE + 4) as u64).read_to_end(&mut head).ok()?;
@@ -162,7 +168,7 @@ fn binary(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>>
             return Some(Err(fault.expected("the word solid at its start, or 84 bytes and more")));
         }
     };
-    // A closed mesh has half as many vertices.
+    // A closed mesh has about half as many vertices as triangles; `Corners` grows if it has more.
     let (mut vertices, mut triangles) = (Corners::new(room(count + 1)), room(count));
     let mut piece = vec![[0; FACET]; count.min(TOGETHER)];
     let mut attributes = 0;
@@ -170,7 +176,7 @@ fn binary(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>>
         let facets = &mut piece[..TOGETHER.min(count - first)];
         file.read_exact(facets.as_flattened_mut()).ok()?;
         for facet in facets {
-            // After the normal.
+            // The corners follow the normal, which has 12 bytes.
             let [a, b, c] = *facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 else { return None };
             attributes |= facet[48] | facet[49];
             let point = |corner: [[u8; 4]; 3]| Vec3::from(corner.map(f32::from_le_bytes));
@@ -191,15 +197,15 @@ fn binary(mut file: impl Read, length: usize) -> Option<Result<Mesh, MeshError>>
     Some(Ok(mesh))
 }
 
-/// How many facets are read of a binary file that claims so many and has a body of so many bytes;
-/// and notes on it.
+/// How many facets to read from a binary file that claims `claimed` of them and has `body` bytes
+/// after its header; and notes about it.
 fn count(claimed: u32, body: usize) -> Result<(usize, Vec<String>), MeshError> {
     let (count, most) = (claimed as usize, body / FACET);
     if count > most {
         let message = format!("the header claims {claimed} facets, and the file has no room for so many");
         return Err(MeshError::new(message).expected(format!("at most {most}: {body} bytes follow it")));
     }
-    // Some writers leave a place for the count and never fill it in.
+    // Some programs reserve space for the count but never fill it in.
     if count == 0 && most > 0 {
         if body.is_multiple_of(FACET) {
             let follow = if most == 1 { "1 follows, which was" } else { &format!("{most} follow, which were") };
@@ -216,23 +222,23 @@ fn corner_not_finite(facet: usize, corner: usize) -> MeshError {
     not_finite(&format!("facet {facet}'s vertex {}", corner + 1))
 }
 
-/// What is expected next in a text.
+/// What a text file may have next.
 #[derive(Clone, Copy, PartialEq)]
 enum Step {
-    /// A solid, or what stands between solids.
+    /// A solid, or other text between solids.
     Solid,
-    /// A facet, or the end of its solid.
+    /// Another facet, or the end of the solid.
     Facet,
     Loop,
     /// One of the first three vertices of a facet.
     Vertex,
-    /// The end of the loop, or another vertex: some programs write polygons.
+    /// The end of the loop or another vertex, since some programs write polygons.
     EndLoop,
     EndFacet,
 }
 
-/// Reads all solids as one mesh. What stands between them is passed over, unless it may be part of
-/// a facet.
+/// Reads all solids of a text file as one mesh. Other text between solids is skipped, unless it may
+/// be part of a facet.
 fn text(mut source: Vec<u8>) -> Result<Mesh, MeshError> {
     const STEPS: &str =
         "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
@@ -269,7 +275,7 @@ fn text(mut source: Vec<u8>) -> Result<Mesh, MeshError> {
                 }
                 (Step::Facet, [b"endsolid", ..] | [b"end", b"solid", ..]) => Step::Solid,
                 (Step::Facet | Step::Solid, [b"solid", ..]) => Step::Facet,
-                // The name may follow at once.
+                // The solid's name may follow `solid` without a blank.
                 (Step::Solid, [word, ..]) if facets == 0 && word.starts_with(b"solid") => Step::Facet,
                 (Step::Solid, [word, ..]) if *word != b"vertex" => Step::Solid,
                 _ => return Err(misread()),
@@ -286,8 +292,8 @@ fn text(mut source: Vec<u8>) -> Result<Mesh, MeshError> {
     mesh.cut(&fans)
 }
 
-/// How many words the first statement of a line has. Usually it has one alone, but some programs
-/// write all in one line, where the name of a solid ends before `facet normal`.
+/// The number of words of the first statement in a line. Most files have one statement per line,
+/// but some have all in one line; the name of a solid ends before `facet normal` then.
 fn statement_length(line: &[&[u8]]) -> usize {
     let begins = |words: &[&[u8]]| {
         matches!(
@@ -306,7 +312,8 @@ fn statement_length(line: &[&[u8]]) -> usize {
     (1..line.len()).find(is_next).unwrap_or(line.len())
 }
 
-/// The lines of a text, with their numbers. In the files of old Macs carriage returns end them.
+/// The lines of a text, with their numbers. Carriage returns end them if there is no line feed, as
+/// in files of the classic Mac OS.
 fn lines(text: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let line_end = if text.contains(&b'\n') { b'\n' } else { b'\r' };
     (1..).zip(text.split(move |byte| *byte == line_end))

@@ -1,24 +1,25 @@
-//! Vertices as they are read. Where all are far from 0, as in maps, they are kept relative to an
-//! origin near them.
+//! Vertices while a mesh is being read. If all are far from 0, as in map coordinates, they are
+//! stored relative to an origin near them.
 
 use glam::{DVec3, Vec3};
 
-/// A mesh is far from 0 if its furthest coordinate is more than so many times its size: then f32
-/// would lose more digits of its shape than of one around 0.
+/// A mesh counts as far from 0 if its largest coordinate is more than this many times its extent:
+/// then f32 coordinates would lose over 4 bits of its shape, compared to a mesh around 0.
 const FAR: f64 = 16.0;
 
-/// Vertices in f32 and, as long as they may all be far from 0, in f64.
+/// Vertices in f32 and, as long as all may turn out to be far from 0, in f64.
 #[derive(Default)]
 pub(in crate::scene) struct Vertices {
     rounded: Vec<Vec3>,
-    /// The same before they were rounded, from the first one on that lost digits; none before that.
+    /// All vertices in f64, once f32 does not hold one of them exactly; empty before.
     exact: Vec<DVec3>,
-    /// Whether some vertices so far are near 0, which those to come cannot change.
+    /// Whether some vertices are near 0, so that no later vertex can make the mesh count as far
+    /// from 0.
     is_near: bool,
     bounds: Option<Bounds>,
 }
 
-/// A box around points.
+/// An axis-aligned bounding box.
 #[derive(Clone, Copy)]
 struct Bounds {
     low: DVec3,
@@ -26,7 +27,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// The box around these ones and another point.
+    /// The box `before`, extended to a point.
     fn around(before: Option<Self>, point: DVec3) -> Self {
         let Bounds { low, high } = before.unwrap_or(Bounds { low: point, high: point });
         Bounds { low: low.min(point), high: high.max(point) }
@@ -36,13 +37,13 @@ impl Bounds {
         (self.high - self.low).max_element()
     }
 
-    /// Whether all of it is further away than this many times its size.
+    /// Whether its largest coordinate is more than `times` times its size.
     fn is_beyond(self, times: f64) -> bool {
         self.low.abs().max(self.high.abs()).max_element() > times * self.size()
     }
 
-    /// A number near the middle that is short in binary: differences from it are exact more often
-    /// than not.
+    /// An origin near the middle of the box with few significant bits, so that most differences of
+    /// vertices from it are exact.
     fn origin(self) -> DVec3 {
         let step = self.size().log2().ceil().exp2();
         ((self.low + self.high) / 2.0 / step).round() * step
@@ -50,17 +51,17 @@ impl Bounds {
 }
 
 impl Vertices {
-    /// None yet, in this room.
+    /// No vertices yet; they will be stored in `rounded`.
     pub(in crate::scene) fn in_room(rounded: Vec<Vec3>) -> Self {
         Vertices { rounded, ..Vertices::default() }
     }
 
-    /// None yet, of which the first ones, elsewhere, are near 0.
+    /// No vertices yet, in a part of a mesh whose earlier vertices include some near 0.
     pub(super) fn after_near_ones(rounded: Vec<Vec3>) -> Self {
         Vertices { is_near: true, ..Vertices::in_room(rounded) }
     }
 
-    /// Adds others, where some before are near 0.
+    /// Appends vertices of a later part of the mesh. Some vertices before must be near 0.
     pub(super) fn append(&mut self, others: Vertices) {
         debug_assert!(self.is_near);
         self.rounded.extend(others.rounded);
@@ -70,12 +71,12 @@ impl Vertices {
         self.rounded.len()
     }
 
-    /// Whether some of them are near 0: then the nearest f64 of later vertices are not needed.
+    /// Whether some vertices are near 0, so that later vertices are not needed in f64.
     pub(in crate::scene) fn are_near(&self) -> bool {
         self.is_near
     }
 
-    /// Adds a vertex, as the nearest f32 and the nearest f64.
+    /// Adds a vertex, given rounded to f32 and to f64.
     #[inline]
     pub(in crate::scene) fn push(&mut self, single: Vec3, double: impl FnOnce() -> DVec3) {
         if !self.is_near {
@@ -97,21 +98,23 @@ impl Vertices {
         }
         let bounds = Bounds::around(self.bounds, double);
         self.bounds = Some(bounds);
-        // A further point makes the box larger by as much as its distance grows: what is within
-        // half of the limit stays within the limit.
+        // A further point enlarges the box by as much as its own distance can grow. So a box within
+        // half of the limit can never exceed the limit.
         if !bounds.is_beyond(FAR / 2.0) {
             self.is_near = true;
             self.exact = Vec::new();
         }
     }
 
-    /// Whether a vertex that is `single` in f32 is this one in f64 too, if that matters.
+    /// Whether vertex `index`, which equals `single` in f32, also equals the vertex in f64, where
+    /// that matters.
     #[inline]
     pub(super) fn is_exactly(&self, index: u32, single: Vec3, double: impl FnOnce() -> DVec3) -> bool {
         self.is_near || *self.exact.get(index as usize).unwrap_or(&single.as_dvec3()) == double()
     }
 
-    /// All of them, relative to an origin, which is 0 unless they would lose digits that matter.
+    /// All vertices relative to an origin, and the origin. It is 0 unless the vertices would lose
+    /// digits that matter.
     pub(in crate::scene) fn finish(self) -> (Vec<Vec3>, DVec3) {
         let Vertices { mut rounded, exact, bounds, .. } = self;
         let Some(bounds) = bounds.filter(|bounds| bounds.is_beyond(FAR) && bounds.size() > 0.0) else {

@@ -11,9 +11,10 @@ use super::colour::{to_encoded, to_levels, to_linear, to_short_encoded};
 use super::{Mesh, MeshFormat};
 
 impl Mesh {
-    /// Writes the mesh in a format, exact to the last bit: PLY with a colour for each face, OBJ and
-    /// glTF for each vertex, STL without. Vertices far from 0 are doubles in PLY, have as many
-    /// digits as they need in OBJ and a node of their own in glTF, and lose some in STL.
+    /// Writes the mesh in a format. Coordinates and colours are exact, with these exceptions: PLY
+    /// holds a colour for each face, OBJ and glTF one for each vertex, STL none. Vertices far from
+    /// 0 are written as doubles to PLY, with all necessary digits to OBJ, under a translated node
+    /// to glTF, and lose digits in STL.
     ///
     /// # Errors
     /// If writing to `out` fails.
@@ -42,8 +43,8 @@ impl Mesh {
         Ok(())
     }
 
-    /// Colours follow the vertices, of which each has one: a vertex that triangles of different
-    /// colours share becomes several.
+    /// Writes an OBJ with colours after the coordinates of vertices. A vertex that triangles of
+    /// different colours share is duplicated.
     fn write_coloured_obj(&self, out: &mut impl Write) -> io::Result<()> {
         let mut known = HashMap::new();
         let mut last = ShortColour::of(Vec3::ONE);
@@ -67,7 +68,8 @@ impl Mesh {
         Ok(())
     }
 
-    /// By hand: ply-rs-bw would need a map of named properties for each vertex.
+    /// Writes a PLY without the crate ply-rs-bw, which would need a map of named properties for
+    /// each vertex.
     fn write_ply(&self, out: &mut impl Write) -> io::Result<()> {
         let is_far = self.origin != DVec3::ZERO;
         let kind = if is_far { "double" } else { "float" };
@@ -120,18 +122,18 @@ impl Mesh {
 }
 
 impl Mesh {
-    /// Where a vertex is in the file's own coordinates.
+    /// The position of a vertex in the file's own coordinates.
     fn place(&self, vertex: Vec3) -> DVec3 {
         self.origin + vertex.as_dvec3()
     }
 
-    /// The coordinates of a vertex in a text.
+    /// The coordinates of a vertex, as text.
     fn coordinates(&self, vertex: Vec3) -> [Coordinate; 3] {
         [0, 1, 2].map(|axis| Coordinate { origin: self.origin[axis], offset: vertex[axis] })
     }
 }
 
-/// A coordinate in a text: as few digits as give the offset again, if they are read relative to the
+/// A coordinate as text: as few digits as restore the same offset when the file is read with the
 /// same origin.
 struct Coordinate {
     origin: f64,
@@ -151,7 +153,7 @@ impl Display for Coordinate {
     }
 }
 
-/// A colour, and its numbers in a text.
+/// A colour as the numbers in a text file.
 struct ShortColour {
     linear: Vec3,
     encoded: [f64; 3],
@@ -163,17 +165,17 @@ impl ShortColour {
     }
 }
 
-/// How PLY holds the channels of colours.
+/// The types in which a PLY file can hold colour channels.
 #[derive(Clone, Copy)]
 enum Channels {
-    /// As most programs expect them.
+    /// 8-bit levels, which most programs expect.
     Levels,
     Floats,
     Doubles,
 }
 
 impl Channels {
-    /// The smallest ones in which these colours are exact.
+    /// The smallest type in which all of these colours are exact.
     fn of(colours: impl Iterator<Item = Vec3> + Clone) -> Self {
         let is_float = |linear: f32| to_linear((to_encoded(linear) as f32).into()) == linear;
         if colours.clone().all(|colour| to_levels(colour).is_some()) {
@@ -185,7 +187,7 @@ impl Channels {
         }
     }
 
-    /// The name of their type in a header.
+    /// The type's name in a header.
     fn name(self) -> &'static str {
         match self {
             Channels::Levels => "uchar",

@@ -1,7 +1,7 @@
-//! The paper's format read piece by piece, as long as nothing in it is wrong.
+//! The paper's format read piece by piece. This works as long as the file has no error.
 //!
-//! If anything is wrong, the parser of the whole text reads the file again, since only that knows
-//! lines and columns.
+//! At any error the parser of whole texts reads the file again, since only that knows lines and
+//! columns.
 
 use std::io::{self, Read};
 use std::mem;
@@ -17,12 +17,12 @@ use crate::scene::pieces::Pieces;
 use crate::scene::token::{Kind, is_space, next_token};
 use crate::scene::{Scene, Triangle};
 
-/// A file's bytes from a place on.
+/// Opens a file for reading from a byte offset on.
 type FromPlace<'a> = dyn Fn(usize) -> io::Result<Box<dyn Read + 'a>> + 'a;
 
-/// The scene of a file of this length, which warnings call `name`; None if the parser of the whole
-/// text has to read it. `open` gives the file from a place on, and `shared` is the file for several
-/// threads.
+/// Reads the scene of a file of this length, which warnings call `name`; None if the parser of
+/// whole texts has to read it. `open` opens the file from an offset on; `shared` is the same file
+/// for several threads.
 pub(in crate::scene) fn read<'a>(
     open: &'a FromPlace<'a>,
     length: usize,
@@ -44,32 +44,32 @@ pub(in crate::scene) fn read<'a>(
     Some(Opened { scene, files: Vec::new(), notes: Vec::new(), carried_light: None, warnings })
 }
 
-/// What has not been read yet of a file.
+/// The state of reading a file.
 struct Streamed<'a> {
     open: &'a FromPlace<'a>,
     pieces: Pieces<Box<dyn Read + 'a>>,
     length: usize,
-    /// The bytes that have not been read yet.
+    /// The number of bytes that have not been read yet.
     left: usize,
     shared: Option<SharedFile<'a>>,
     no_area: NoAreaPlaces,
 }
 
 impl Streamed<'_> {
-    /// Marks so many bytes as read.
+    /// Marks this many bytes as read.
     fn pass(&mut self, bytes: usize) {
         self.pieces.leave(self.pieces.rest().len() - bytes);
         self.left = self.left.saturating_sub(bytes);
     }
 
-    /// What `read` makes of the next token.
+    /// The value that `read` parses from the next token.
     fn token<T>(&mut self, read: impl FnOnce(&str) -> Option<T>) -> Result<T, Stop> {
         self.pieces.fill().ok_or(Stop)?;
         loop {
             let (bytes, ended) = (self.pieces.rest(), self.pieces.ended());
             match next_token(bytes, 0) {
                 Some(token) if ended || token.end < bytes.len() => {
-                    // What precedes the token is checked too, since a comment there must be UTF-8.
+                    // Check the bytes before the token too: a comment must be UTF-8.
                     let text = str::from_utf8(&bytes[..token.end]).map_err(|_| Stop)?;
                     let value = read(&text[token.start..]).ok_or(Stop)?;
                     self.pass(token.end);
@@ -98,11 +98,12 @@ impl Parts for Streamed<'_> {
 
     fn count(&mut self, kind: &'static Kind) -> Result<u64, Stop> {
         let count = self.token(|token| whole(token).ok())?;
-        // A token and the white space before it take two bytes or more.
+        // Each token has at least one byte, and so has the white space before it.
         if count > (self.left / 2 / kind.tokens) as u64 { Err(Stop) } else { Ok(count) }
     }
 
-    /// Whole chunks of usual triangles, up to the first chunk that has anything else.
+    /// Reads whole chunks with several threads, up to the first chunk with anything but triangles
+    /// in the usual form.
     fn first_triangles(&mut self, count: u64, triangles: &mut Vec<Triangle>) -> Result<(), Stop> {
         let Some(shared) = self.shared.filter(|shared| shared.is_worth_sharing(self.left)) else { return Ok(()) };
         let Streamed { open, length, left, no_area, .. } = self;
@@ -145,8 +146,8 @@ impl Parts for Streamed<'_> {
     }
 }
 
-/// Reads a triangle from twelve numbers with nothing but white space before each and after the
-/// last, and returns it with what follows them.
+/// Reads a triangle in the usual form: twelve numbers, with only white space (no comment) before
+/// each and after the last. Returns it with what follows.
 #[inline(always)]
 fn usual_triangle(bytes: &[u8]) -> Option<(Triangle, &[u8])> {
     let mut rest = bytes;
@@ -165,7 +166,7 @@ fn usual_triangle(bytes: &[u8]) -> Option<(Triangle, &[u8])> {
     if !numbers.iter().all(|number| number.is_finite()) || colour.min_element() < 0.0 {
         return None;
     }
-    // -0 becomes +0.
+    // Adding 0 turns -0 into +0.
     Some((Triangle { colour: colour + 0.0, vertices: [a, b, c] }, rest))
 }
 
@@ -179,18 +180,18 @@ fn after_spaces(mut bytes: &[u8]) -> &[u8] {
     bytes
 }
 
-/// Usual triangles from the middle of a file, counted from 1.
+/// Triangles in the usual form from the middle of a file, numbered from 1.
 struct UsualTriangles {
     triangles: Vec<Triangle>,
     no_area: NoAreaPlaces,
 }
 
 impl UsualTriangles {
-    /// Reads the triangles that are all of these bytes, from a place of a file on; None if one is
-    /// not usual.
+    /// Reads bytes from offset `at` of a file that consist of triangles; None if one does not have
+    /// the usual form.
     fn of(at: usize, bytes: &[u8]) -> Option<Self> {
         let mut read = UsualTriangles { triangles: Vec::new(), no_area: NoAreaPlaces::default() };
-        // Most have more bytes than this.
+        // A guess: a usual triangle has more than 48 bytes.
         read.triangles.reserve(bytes.len() / 48);
         let mut rest = after_spaces(bytes);
         while !rest.is_empty() {
@@ -205,7 +206,7 @@ impl UsualTriangles {
     }
 }
 
-/// The triangles without area: the places in the file of the first ones, and the number of others.
+/// The triangles without area: the positions of the first ones, and the number of further ones.
 #[derive(Default)]
 struct NoAreaPlaces {
     first: Vec<NoAreaPlace>,
@@ -214,9 +215,9 @@ struct NoAreaPlaces {
 
 /// A triangle without area.
 struct NoAreaPlace {
-    /// Its number, from 1.
+    /// The triangle's number, from 1.
     number: u64,
-    /// The byte after its last number.
+    /// The offset of the byte after its last number.
     end: usize,
 }
 
@@ -229,14 +230,14 @@ impl NoAreaPlaces {
         }
     }
 
-    /// Adds those of a chunk, before which there are so many triangles.
+    /// Appends those of a chunk, before which the file has `before` triangles.
     fn append(&mut self, later: NoAreaPlaces, before: u64) {
         later.first.into_iter().for_each(|NoAreaPlace { number, end }| self.add(before + number, end));
         self.more += later.more;
     }
 
-    /// The warnings of a file called `name`, which is read again to count its lines; None if it
-    /// cannot be read.
+    /// The warnings, for a file called `name`. The file is read again to count lines; None if that
+    /// fails.
     fn warnings(self, open: &FromPlace<'_>, name: &str) -> Option<Vec<String>> {
         let mut no_area = NoArea::default();
         if let Some(last) = self.first.last() {
@@ -253,20 +254,20 @@ impl NoAreaPlaces {
     }
 }
 
-/// A text in which lines are counted.
+/// A reader that counts the lines it has passed.
 struct LineCount<R> {
     text: R,
-    /// The bytes that have been read.
+    /// The number of bytes read.
     at: usize,
-    /// The line of the next byte.
+    /// The line that the next byte is in.
     line: usize,
-    /// Whether the last byte was a carriage return, which ends the same line as a line feed after
-    /// it.
+    /// Whether the last byte was a carriage return: a line feed after it belongs to the same line
+    /// end.
     after_return: bool,
 }
 
 impl<R: Read> LineCount<R> {
-    /// The line of a place, which must not be before the last one.
+    /// The line of an offset, which must not be before the one asked for last.
     fn line_of(&mut self, place: usize) -> io::Result<usize> {
         let mut piece = vec![0; 64 << 10];
         while self.at < place {

@@ -1,5 +1,5 @@
-//! Accessors of glTF: numbers of any type in the bytes of a buffer, checked against its length
-//! before any is read.
+//! Accessors of glTF: numbers of any component type in the bytes of a buffer. The ranges are
+//! checked against the buffer's length before anything is read.
 
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::validation::Checked;
@@ -9,9 +9,10 @@ use super::buffers::Buffers;
 use super::missing;
 use crate::scene::MeshError;
 
-/// The elements of an accessor, all of which are within their bytes.
+/// The elements of an accessor; all are known to lie within the buffer.
 pub(super) struct Elements<'a> {
-    /// None where all elements are zeros, but for those that are replaced.
+    /// None if the accessor has no buffer view: then all elements are zero, except those that
+    /// are replaced.
     bytes: Option<&'a [u8]>,
     stride: usize,
     pub count: usize,
@@ -19,38 +20,39 @@ pub(super) struct Elements<'a> {
     components: usize,
     normalized: bool,
     replaced: Option<Replaced<'a>>,
-    /// How many bytes all buffers have that have been read, which bounds what a file may hold.
+    /// How many bytes have been read of all buffers so far, which bounds the size of the mesh
+    /// that is accepted.
     pub(super) buffer_bytes: usize,
 }
 
-/// The elements of a sparse accessor that are not in its own bytes.
+/// The elements of a sparse accessor whose values are stored apart and replace the others.
 struct Replaced<'a> {
-    /// Their indices, in ascending order.
+    /// The indices of the replaced elements, ascending.
     indices: Vec<u32>,
     values: &'a [u8],
 }
 
-/// A part of the bytes of a view.
+/// A strided range of elements in a buffer view.
 struct Run {
     view: usize,
     offset: u64,
-    /// The bytes from one element to the next.
+    /// The bytes from the start of one element to the start of the next.
     stride: usize,
     /// The bytes of an element.
     size: usize,
     count: usize,
 }
 
-/// What an accessor may hold for a purpose.
+/// The types of elements that an accessor for some purpose may have.
 pub(super) struct Kind {
     pub types: &'static [Type],
     pub components: &'static [ComponentType],
-    /// What these are called in errors.
+    /// What errors call the valid types.
     pub expected: &'static str,
 }
 
 impl Kind {
-    /// Places; with KHR_mesh_quantization in integers, too.
+    /// Positions; with KHR_mesh_quantization also as integers.
     pub(super) const PLACES: Kind = Kind {
         types: &[Type::Vec3],
         components: &[ComponentType::F32, ComponentType::I8, ComponentType::U8, ComponentType::I16, ComponentType::U16],
@@ -68,10 +70,12 @@ impl Kind {
     };
 }
 
-/// The most elements of an accessor without bytes, all of which are zeros.
+/// The most elements of an accessor without a buffer view, all of which are zero: nothing in
+/// the file bounds their number.
 const MOST_ZEROS: u64 = 1 << 20;
 
-/// The elements of an accessor for a purpose; `owner` is what refers to it.
+/// The elements of an accessor for the purpose `kind`; `owner` is what refers to the accessor,
+/// for errors.
 pub(super) fn elements<'b>(
     root: &Root,
     buffers: &'b mut Buffers<'_>,
@@ -99,7 +103,7 @@ pub(super) fn elements<'b>(
     }
     let own = own_run(accessor, buffers, size, count);
     let replaced = replaced_runs(accessor, size, &name)?;
-    // All buffers are read before any of them is borrowed.
+    // Read all buffers before borrowing any of them.
     for run in own.iter().chain(replaced.iter().flatten()) {
         buffers.load(run.view, &name)?;
     }
@@ -126,14 +130,14 @@ pub(super) fn elements<'b>(
     Ok(Elements { bytes, stride, count, component, components, normalized, replaced, buffer_bytes })
 }
 
-/// The bytes of an accessor's own elements, if it has any.
+/// The range of an accessor's own elements, if it has a buffer view.
 fn own_run(accessor: &Accessor, buffers: &Buffers<'_>, size: usize, count: usize) -> Option<Run> {
     let view = accessor.buffer_view?.value();
     let stride = buffers.stride(view).filter(|stride| *stride > 0).unwrap_or(size);
     Some(Run { view, offset: accessor.byte_offset.map_or(0, |offset| offset.0), stride, size, count })
 }
 
-/// The bytes of the indices and of the values of a sparse accessor.
+/// The ranges of a sparse accessor's indices and values.
 fn replaced_runs(accessor: &Accessor, size: usize, name: &str) -> Result<Option<[Run; 2]>, MeshError> {
     let Some(sparse) = &accessor.sparse else { return Ok(None) };
     let Checked::Valid(index_type) = sparse.indices.component_type else {
@@ -147,7 +151,7 @@ fn replaced_runs(accessor: &Accessor, size: usize, name: &str) -> Result<Option<
     Ok(Some([indices, values]))
 }
 
-/// Sparse elements whose indices ascend and are in range.
+/// `replaced`, or an error if its indices do not ascend or are out of range.
 fn checked<'a>(replaced: Replaced<'a>, count: usize, name: &str) -> Result<Replaced<'a>, MeshError> {
     let ascend = replaced.indices.is_sorted_by(|a, b| a < b);
     let are_in_range = replaced.indices.last().is_none_or(|last| (*last as usize) < count);
@@ -159,7 +163,8 @@ fn checked<'a>(replaced: Replaced<'a>, count: usize, name: &str) -> Result<Repla
 }
 
 impl Run {
-    /// The bytes from its first element on, which reach as far as its last one.
+    /// The bytes from the first element on, which are checked to reach to the end of the last
+    /// one.
     fn bytes<'b>(&self, buffers: &'b Buffers<'_>, name: &str) -> Result<&'b [u8], MeshError> {
         let Run { view, offset, stride, size, count } = *self;
         let bytes = buffers.view_bytes(view, name)?;
@@ -180,7 +185,7 @@ impl Run {
     }
 }
 
-/// The unsigned integer that bytes begin with.
+/// The unsigned integer at the start of `bytes`.
 fn unsigned(bytes: &[u8], component: ComponentType) -> u32 {
     match component {
         ComponentType::U8 | ComponentType::I8 => bytes[0].into(),
@@ -190,7 +195,7 @@ fn unsigned(bytes: &[u8], component: ComponentType) -> u32 {
 }
 
 impl Elements<'_> {
-    /// The bytes of an element; None for zeros.
+    /// The bytes of an element; None if it is zero by default.
     #[inline]
     fn element(&self, index: usize) -> Option<&[u8]> {
         if let Some(replaced) = &self.replaced
@@ -202,14 +207,14 @@ impl Elements<'_> {
         self.bytes.map(|bytes| &bytes[index * self.stride..])
     }
 
-    /// An element of one unsigned integer.
+    /// An element that is a single unsigned integer.
     #[inline]
     pub(super) fn index(&self, index: usize) -> u32 {
         self.element(index).map_or(0, |bytes| unsigned(bytes, self.component))
     }
 
-    /// The first three numbers of an element, which has so many; integers that are normalized
-    /// become shares of the largest.
+    /// The first three numbers of an element that has at least three; normalized integers are
+    /// divided by the largest one of their type.
     #[inline]
     pub(super) fn vector(&self, index: usize) -> [f32; 3] {
         let Some(bytes) = self.element(index) else { return [0.0; 3] };
@@ -217,7 +222,7 @@ impl Elements<'_> {
         [0, 1, 2].map(|axis| self.number(&bytes[axis * size..]))
     }
 
-    /// As [`vector`](Self::vector), all integers being shares of the largest.
+    /// As [`vector`](Self::vector), but with all integers taken as normalized.
     pub(super) fn shares(&self, index: usize) -> [f32; 3] {
         let vector = self.vector(index);
         let highest = match self.component {

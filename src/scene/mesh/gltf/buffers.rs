@@ -1,4 +1,5 @@
-//! The bytes of glTF buffers: of the binary file, of another file, or in the JSON itself.
+//! The bytes of glTF buffers: stored in the binary file itself, in another file, or in the JSON
+//! as base64.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -13,14 +14,14 @@ use crate::scene::MeshError;
 use crate::scene::diagnostic::{brief, is_address};
 use crate::scene::open;
 
-/// The buffers of a file, each of which is read when it is first needed.
+/// The buffers of a file; each is read when it is first needed.
 pub(super) struct Buffers<'a> {
     root: &'a Root,
-    /// The bytes of a binary file, which are the first buffer's.
+    /// The buffer chunk of a binary file, which is buffer 0.
     binary: Option<&'a [u8]>,
     folder: Option<&'a Path>,
     loaded: Vec<Option<Cow<'a, [u8]>>>,
-    /// The other files that were read.
+    /// The paths of other files that were read.
     pub files: Vec<PathBuf>,
 }
 
@@ -30,7 +31,7 @@ impl<'a> Buffers<'a> {
         Buffers { root, binary, folder, loaded, files: Vec::new() }
     }
 
-    /// Reads the buffer of a view, unless it has been read.
+    /// Reads the buffer that a view refers to, unless it has been read.
     pub(super) fn load(&mut self, view_index: usize, owner: &str) -> Result<(), MeshError> {
         let buffer = self.view(view_index, owner)?.buffer.value();
         let count = self.root.buffers.len();
@@ -43,12 +44,12 @@ impl<'a> Buffers<'a> {
         Ok(())
     }
 
-    /// How many bytes the buffers have that have been read.
+    /// The total length of the buffers read so far.
     pub(super) fn bytes_read(&self) -> usize {
         self.loaded.iter().flatten().map(|bytes| bytes.len()).sum()
     }
 
-    /// The bytes of a view whose buffer has been read.
+    /// The bytes of a view. Its buffer must have been read.
     pub(super) fn view_bytes(&self, view_index: usize, owner: &str) -> Result<&[u8], MeshError> {
         let view = self.view(view_index, owner)?;
         let bytes = self.loaded.get(view.buffer.value()).and_then(Option::as_deref).unwrap_or_default();
@@ -64,7 +65,7 @@ impl<'a> Buffers<'a> {
         })
     }
 
-    /// The distance of the elements of a view, if it has one.
+    /// The byte stride of a view, if it gives one.
     pub(super) fn stride(&self, view_index: usize) -> Option<usize> {
         self.root.buffer_views.get(view_index)?.byte_stride.map(|stride| stride.0)
     }
@@ -94,7 +95,7 @@ impl<'a> Buffers<'a> {
         Ok(bytes)
     }
 
-    /// The bytes of another file, which is named relative to this one.
+    /// The bytes of another file, whose path is relative to `folder`.
     fn file(&mut self, uri: &str, index: usize) -> Result<Vec<u8>, MeshError> {
         let shown = brief(uri);
         let Some(folder) = self.folder else {
@@ -105,7 +106,7 @@ impl<'a> Buffers<'a> {
             let fault = MeshError::new(format!("buffers[{index}] is at an address, `{shown}`"));
             return Err(fault.expected("a file: download it first"));
         }
-        // Some programs write names as they are, and most with escapes.
+        // Most programs write names percent-encoded, some as they are.
         let plain = folder.join(uri);
         let path = if plain.is_file() { plain } else { folder.join(unescaped(uri)) };
         if !path.is_file() {
@@ -121,7 +122,7 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes of an address that has them itself, after `data:`.
+/// The bytes that a data URI contains; `data` is what follows `data:`.
 fn decoded(data: &str, index: usize) -> Result<Vec<u8>, MeshError> {
     let fault = || {
         let fault = MeshError::new(format!("buffers[{index}] has a data: address that cannot be decoded"));
@@ -134,7 +135,7 @@ fn decoded(data: &str, index: usize) -> Result<Vec<u8>, MeshError> {
     STANDARD.decode(text.trim_ascii()).map_err(|_| fault())
 }
 
-/// A name in which `%20` and so on stand for bytes.
+/// A name with percent-encoded bytes, such as `%20`, decoded.
 fn unescaped(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -1,4 +1,5 @@
-//! The nodes of a glTF scene from its roots on: where their meshes, cameras and lights are.
+//! The nodes of a glTF scene, from its roots on: the positions of their meshes, cameras and
+//! lights.
 
 use ::gltf::json::camera::Type as CameraType;
 use ::gltf::json::extensions::scene::khr_lights_punctual::Type as LightType;
@@ -38,8 +39,8 @@ impl File<'_> {
         Ok(())
     }
 
-    /// The roots of the scene that the file says, or of its first one, or of all nodes where there
-    /// is no scene.
+    /// The root nodes: those of the file's default scene, or else of its first scene; if it has
+    /// no scene, all nodes without a parent.
     fn roots(&self) -> Result<Vec<usize>, MeshError> {
         let scenes = &self.root.scenes;
         if scenes.is_empty() {
@@ -57,7 +58,7 @@ impl File<'_> {
         Ok(scene.nodes.iter().map(|node| node.value()).collect())
     }
 
-    /// Takes the first camera.
+    /// Takes the camera of a node, if it is the first camera of the file.
     fn camera(&mut self, node: &Node, to_file: DAffine3, index: usize) -> Result<(), MeshError> {
         let Some(camera) = node.camera else { return Ok(()) };
         let cameras = &self.root.cameras;
@@ -84,7 +85,7 @@ impl File<'_> {
         Ok(())
     }
 
-    /// Takes a light, if it shines from a point.
+    /// Takes the light of a node, if it is a point light.
     fn light(&mut self, node: &Node, to_file: DAffine3, index: usize) -> Result<(), MeshError> {
         let extension = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
         let Some(light) = extension.map(|extension| extension.light.value()) else { return Ok(()) };
@@ -116,7 +117,8 @@ fn transformation(node: &Node, index: usize) -> Result<DAffine3, MeshError> {
             let translation = node.translation.map_or(DVec3::ZERO, |by| Vec3::from_array(by).as_dvec3());
             let rotation =
                 node.rotation.map_or(DQuat::IDENTITY, |rotation| DQuat::from_array(rotation.0.map(f64::from)));
-            // Rounded to f32, its length is not quite 1; a rotation of no length is none.
+            // A unit quaternion rounded to f32 is not quite of length 1. One of length 0 is
+            // taken for no rotation.
             let length = rotation.length();
             let rotation = if length > 0.0 { rotation / length } else { DQuat::IDENTITY };
             DAffine3::from_scale_rotation_translation(scale, rotation, translation)

@@ -1,4 +1,4 @@
-//! The primitives of glTF meshes: triangles, strips and fans, with or without indices, and their
+//! The primitives of glTF meshes: triangles, strips and fans, indexed or not, and their
 //! colours.
 
 use std::collections::HashMap;
@@ -13,11 +13,12 @@ use super::{File, missing};
 use crate::scene::MeshError;
 use crate::scene::mesh::fault::{NonFiniteVertex, not_finite};
 
-/// The most vertices, or triangles, that a file has unless its buffers hold more: instances of a
-/// mesh, and accessors that share their bytes, multiply what a small file holds.
+/// The most vertices, or triangles, of a mesh, unless the buffers have more bytes than this. A
+/// small file could otherwise blow up: by instances of a mesh, and by accessors that share their
+/// bytes.
 const MOST: usize = 1 << 24;
 
-/// Vertices of a primitive in the mesh that is being made.
+/// The range of a primitive's vertices within the mesh that is being built.
 #[derive(Clone, Copy)]
 struct Range {
     first: usize,
@@ -25,13 +26,13 @@ struct Range {
 }
 
 impl File<'_> {
-    /// Reads a mesh, in a node that maps it to the file's coordinates.
+    /// Reads a mesh of the file for a node, whose coordinates `to_file` maps to the file's.
     pub(super) fn mesh(&mut self, index: usize, to_file: DAffine3, node: usize) -> Result<(), MeshError> {
         let meshes = &self.root.meshes;
         let Some(mesh) = meshes.get(index) else {
             return Err(missing(&format!("nodes[{node}]"), "meshes", index, meshes.len()));
         };
-        // Primitives of several materials often share their vertices.
+        // Primitives of different materials often share their vertices: read these once.
         let mut known = HashMap::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let name = format!("meshes[{index}].primitives[{number}]");
@@ -48,7 +49,7 @@ impl File<'_> {
                 }
             };
             let Some(places) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
-                // What an extension describes has no places that are read.
+                // A primitive without positions is described by an extension that is not read.
                 continue;
             };
             let places = places.value();
@@ -65,7 +66,7 @@ impl File<'_> {
         Ok(())
     }
 
-    /// Adds the vertices of an accessor of places.
+    /// Adds the vertices of an accessor of positions.
     fn vertices(&mut self, accessor: usize, to_file: DAffine3, name: &str) -> Result<Range, MeshError> {
         let owner = format!("{name}.attributes.POSITION");
         let places = elements(self.root, &mut self.buffers, accessor, &Kind::PLACES, &owner)?;
@@ -84,7 +85,7 @@ impl File<'_> {
         Ok(Range { first, count })
     }
 
-    /// Adds the triangles of a primitive, in their colours.
+    /// Adds the triangles of a primitive, with their colours.
     fn triangles(&mut self, primitive: &Primitive, mode: Mode, range: Range, name: &str) -> Result<(), MeshError> {
         let start = self.made.mesh.triangles.len();
         let corners = self.corners(primitive, range, name)?;
@@ -103,10 +104,10 @@ impl File<'_> {
         self.paint(primitive, start, range, name)
     }
 
-    /// The corners of a primitive as indices of the mesh that is being made.
+    /// The corners of a primitive as vertex indices of the mesh that is being built.
     fn corners(&mut self, primitive: &Primitive, range: Range, name: &str) -> Result<Vec<u32>, MeshError> {
         let Range { first, count } = range;
-        // There are no more vertices than u32 holds, as their number has been checked.
+        // Fits into u32: `check_size` limited the number of vertices.
         let first = first as u32;
         let Some(accessor) = primitive.indices else { return Ok((first..first + count as u32).collect()) };
         let owner = format!("{name}.indices");
@@ -124,7 +125,7 @@ impl File<'_> {
         Ok(corners)
     }
 
-    /// Refuses triangles from `start` on that have a corner which is not finite.
+    /// An error if a triangle from number `start` on has a corner that is not finite.
     fn check_finite(&self, start: usize, range: Range, name: &str) -> Result<(), MeshError> {
         let non_finite = &self.made.non_finite;
         let is_there = non_finite.last().is_some_and(|last| last.index >= range.first);
@@ -136,8 +137,8 @@ impl File<'_> {
         wrong.map_or(Ok(()), |corner| Err(not_finite(&format!("vertex {} of {name}", *corner as usize - range.first))))
     }
 
-    /// Gives the triangles from `start` on the factor of their material, times the mean of their
-    /// corners' colours.
+    /// Sets the colour of each triangle from number `start` on: the base colour of its material
+    /// times the mean of its corners' colours.
     fn paint(&mut self, primitive: &Primitive, start: usize, range: Range, name: &str) -> Result<(), MeshError> {
         let factor = self.factor(primitive, name)?;
         let end = self.made.mesh.triangles.len();
@@ -159,7 +160,7 @@ impl File<'_> {
         Ok(())
     }
 
-    /// The factor of a primitive's material on its colours, in linear light.
+    /// The base colour factor of a primitive's material, in linear light.
     fn factor(&mut self, primitive: &Primitive, name: &str) -> Result<DVec3, MeshError> {
         let Some(material) = primitive.material else { return Ok(DVec3::ONE) };
         let materials = &self.root.materials;
@@ -170,7 +171,7 @@ impl File<'_> {
         self.made.unread.textures |= base.base_color_texture.is_some();
         self.made.unread.transparency |= material.alpha_mode != Checked::Valid(AlphaMode::Opaque);
         let [red, green, blue, _] = base.base_color_factor.0;
-        // A NaN becomes 0.
+        // `max` turns a NaN into 0.
         Ok(DVec3::from([red, green, blue].map(|factor| f64::from(factor).max(0.0).min(f32::MAX.into()))))
     }
 }
@@ -182,7 +183,8 @@ fn mean(colours: &Elements<'_>, corners: [usize; 3]) -> DVec3 {
     (a + b + c) / 3.0
 }
 
-/// The triangles of a strip. Those with a repeated corner only lead it elsewhere.
+/// The triangles of a strip. Those with a repeated corner are left out: they only continue the
+/// strip elsewhere.
 fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     let triangles = corners.windows(3).enumerate().map(|(number, window)| match number % 2 {
         0 => [window[0], window[1], window[2]],
@@ -191,10 +193,10 @@ fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     triangles.filter(|[a, b, c]| a != b && b != c && c != a)
 }
 
-/// Refuses more of something than a file of this size has without multiplying what it holds beyond
-/// measure.
+/// An error if `count` exceeds what a file of this size can reasonably hold.
 fn check_size(buffer_bytes: usize, count: usize, what: &str, name: &str) -> Result<(), MeshError> {
-    // A triangle without shared vertices takes 36 bytes of a buffer, and an index a byte at least.
+    // By bytes alone: a triangle without shared vertices takes 36 bytes of a buffer, and an
+    // index takes at least one.
     let most = MOST.max(buffer_bytes).min(i32::MAX as usize);
     if count <= most {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Writing a mesh as binary glTF: its JSON, and then places, colours and indices.
+//! Writing a mesh as binary glTF: the JSON, then positions, colours and indices.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -11,22 +11,23 @@ use serde_json::{Value, json};
 use super::{HEADER, MAGIC};
 use crate::scene::Mesh;
 
-/// The bytes of a chunk's length and type.
+/// The bytes of a chunk's header: its length and type.
 const CHUNK_HEADER: usize = 8;
-/// The types of components, as glTF numbers them.
+/// glTF's numbers for the component types.
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
-/// A mesh whose vertices have one colour each.
+/// The content of the file: a mesh in which each vertex has a single colour.
 struct Parts<'a> {
     vertices: Cow<'a, [Vec3]>,
-    /// The colour of each vertex; none if all are white.
+    /// The colour of each vertex; empty if all are white.
     colours: Vec<Vec3>,
     triangles: Cow<'a, [[u32; 3]]>,
 }
 
 impl Mesh {
-    /// Writes the mesh as binary glTF. Colours are linear there, as they are here.
+    /// Writes the mesh as binary glTF. Vertex colours of glTF are in linear light, as those of
+    /// [`Mesh`] are.
     pub(in crate::scene::mesh) fn write_gltf(&self, out: &mut impl Write) -> io::Result<()> {
         let parts = Parts::of(self);
         let mut json = parts.json(self.origin).to_string().into_bytes();
@@ -55,8 +56,8 @@ impl Mesh {
 }
 
 impl<'a> Parts<'a> {
-    /// The parts of a mesh, in which a vertex that triangles of different colours share becomes
-    /// several.
+    /// The content for a mesh. A vertex that triangles of different colours share is duplicated
+    /// for each colour.
     fn of(mesh: &'a Mesh) -> Self {
         if mesh.colours.is_empty() {
             let (vertices, triangles) = (Cow::from(&mesh.vertices), Cow::from(&mesh.triangles));
@@ -78,7 +79,7 @@ impl<'a> Parts<'a> {
         Parts { vertices: vertices.into(), colours, triangles: triangles.into() }
     }
 
-    /// The length of all places, colours and indices.
+    /// The length in bytes of all positions, colours and indices.
     fn bytes(&self) -> usize {
         size_of::<Vec3>() * (self.vertices.len() + self.colours.len()) + size_of::<[u32; 3]>() * self.triangles.len()
     }
@@ -111,7 +112,8 @@ impl<'a> Parts<'a> {
         if origin != DVec3::ZERO {
             node["translation"] = json!(origin.to_array());
         }
-        // Without a material other programs show metal.
+        // glTF's default material is metallic: without this one, other programs would show
+        // metal.
         let material = json!({
             "doubleSided": true,
             "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1},

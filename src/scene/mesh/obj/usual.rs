@@ -1,10 +1,10 @@
-//! The lines that nearly all OBJ files have, taken straight from their bytes.
-//!
-//! Any other is left to the reader of words, which says what is wrong with it.
+//! A fast parser for the lines that nearly all OBJ files consist of, directly from the bytes.
+//! Lines of any other form are left to the parser of words, which also reports errors.
 
 use glam::Vec3;
 
-/// Reads the point that is all of a line after `v`, and returns it with what follows the line.
+/// Reads a vertex: text after `v` that is three numbers up to the line end. Returns the point
+/// and the text after the line.
 #[inline]
 pub(super) fn point(mut text: &[u8]) -> Option<(Vec3, &[u8])> {
     let mut point = Vec3::ZERO;
@@ -20,8 +20,8 @@ pub(super) fn point(mut text: &[u8]) -> Option<(Vec3, &[u8])> {
     point.is_finite().then_some((point, after_line(after_blanks(text))?))
 }
 
-/// Reads the corners that are all of a line after `f`, at least three and each one of the first
-/// `vertices`, and returns what follows the line.
+/// Reads a face: text after `f` up to the line end, with at least three corners whose numbers
+/// are from 1 to `vertices`. Returns the text after the line.
 #[inline]
 pub(super) fn corners<'a>(mut text: &'a [u8], vertices: usize, corners: &mut Vec<u32>) -> Option<&'a [u8]> {
     corners.clear();
@@ -36,7 +36,7 @@ pub(super) fn corners<'a>(mut text: &'a [u8], vertices: usize, corners: &mut Vec
             return None;
         }
         corners.push(index - 1);
-        // The numbers of its texture coordinates and of its normal.
+        // Skip the numbers of texture coordinates and normal.
         for _ in 0..2 {
             if let [b'/', after @ ..] = text {
                 text = if matches!(after, [b'0'..=b'9', ..]) { whole(after)?.1 } else { after };
@@ -49,7 +49,7 @@ pub(super) fn corners<'a>(mut text: &'a [u8], vertices: usize, corners: &mut Vec
     if corners.len() < 3 { None } else { after_line(text) }
 }
 
-/// The whole number of up to nine digits that a text begins with.
+/// Reads a non-negative integer of up to nine digits from the start of a text.
 #[inline]
 fn whole(text: &[u8]) -> Option<(u32, &[u8])> {
     const MOST_DIGITS: usize = 9;
@@ -64,7 +64,8 @@ fn whole(text: &[u8]) -> Option<(u32, &[u8])> {
     Some((number, rest))
 }
 
-/// A line that does not go on in the next one, without the blanks at its end, and what follows it.
+/// Splits off the next line, trimmed at its end; None if it ends in a backslash and so
+/// continues.
 pub(super) fn line(text: &[u8]) -> Option<(&[u8], &[u8])> {
     let end = memchr::memchr2(b'\n', b'\r', text)?;
     let line = text[..end].trim_ascii_end();
@@ -79,7 +80,7 @@ fn after_blanks(mut text: &[u8]) -> &[u8] {
     text
 }
 
-/// What follows the end of a line.
+/// The text after the line end at its start, if it starts with one.
 #[inline]
 fn after_line(text: &[u8]) -> Option<&[u8]> {
     text.strip_prefix(b"\n").or_else(|| text.strip_prefix(b"\r\n"))

@@ -1,4 +1,4 @@
-//! The header of a PLY file: ply-rs-bw reads it, and it is checked against the file's length.
+//! The header of a PLY file: parsed by ply-rs-bw, then checked against the file's length.
 
 use std::slice;
 
@@ -9,33 +9,33 @@ use super::super::MeshError;
 use crate::scene::diagnostic::brief;
 use crate::scene::log::is_line_end;
 
-/// The name that PLY files give to the element which holds triangle strips.
+/// The name of the element that holds triangle strips.
 pub(super) const STRIPS: &str = "tristrips";
 
-/// What a file is read for.
+/// What is wanted from a file.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Content {
-    /// Faces, which it has to have.
+    /// A mesh: the file must have faces.
     Mesh,
-    /// Its vertices alone.
+    /// The vertices only.
     Points,
 }
 
-/// Whether elements of this name have corners.
+/// Whether elements of this name are faces or strips.
 pub(super) fn is_face(name: &str) -> bool {
     name == "face" || name == STRIPS
 }
 
-/// What an element's property is read for.
+/// What a property of an element holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     /// One of x, y and z.
     Axis(usize),
-    /// One of red, green and blue, as a share of this level.
+    /// One of red, green and blue; `highest` stands for a full channel.
     Channel { of: usize, highest: f64 },
-    /// The list of a face's or a strip's corners.
+    /// The list of the corners of a face or strip.
     Corners,
-    /// Nothing.
+    /// Anything else, which is skipped.
     Unread,
 }
 
@@ -55,15 +55,15 @@ pub(super) enum Scalar {
     Double,
 }
 
-/// Types that programs write but the library's grammar does not know. Each has a known type of the
-/// same length, which the library is given in its place.
+/// Types that programs write but ply-rs-bw does not know: the name, the type, and the name of a
+/// known type of the same size that replaces it for the crate.
 const OTHERS: [(&[u8], Scalar, &[u8]); 4] = [
     (b"int64", Scalar::Int64, b"double"),
     (b"uint64", Scalar::UInt64, b"double"),
     (b"float16", Scalar::Half, b"short"),
     (b"half", Scalar::Half, b"short"),
 ];
-/// The types that the library's grammar knows.
+/// The types that ply-rs-bw knows.
 const LIBRARY_TYPES: &str =
     "char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 float64";
 
@@ -81,7 +81,7 @@ impl Scalar {
         }
     }
 
-    /// The bytes of a number in a binary file.
+    /// The size of the type in a binary file, in bytes.
     pub(super) fn bytes(self) -> usize {
         match self {
             Scalar::Char | Scalar::UChar => 1,
@@ -92,11 +92,11 @@ impl Scalar {
     }
 }
 
-/// What a property holds.
+/// The type of a property: a number or a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     Number(Scalar),
-    /// A list: the types of its count and of its numbers.
+    /// A list: the types of its length and of its numbers.
     List(Scalar, Scalar),
 }
 
@@ -107,17 +107,17 @@ pub(super) struct Field<'a> {
     pub role: Role,
 }
 
-/// An element, as its properties are read.
+/// An element of the header, with its properties as they are to be read.
 pub(super) struct Element<'a> {
     pub definition: &'a ElementDef,
     pub fields: Vec<Field<'a>>,
 }
 
-/// A header that is that of a mesh and fits its file.
+/// A header whose content is supported and whose elements fit into the file.
 pub(super) struct Checked {
     pub header: Header,
-    /// Those among the types of each property that the library does not know, in the order of their
-    /// lines.
+    /// The types that were replaced for ply-rs-bw, for each property in the order of the
+    /// header.
     others: Vec<OtherTypes>,
     /// How many of the bytes at hand follow the header.
     pub left: usize,
@@ -125,11 +125,11 @@ pub(super) struct Checked {
     pub line: usize,
 }
 
-/// Those among the types of a property that the library does not know: of a list's count and of its
-/// numbers, or of a number alone. None for a type that it knows.
+/// The types of a property that were replaced for ply-rs-bw: of a list's length and of its
+/// numbers, or of a single number. None where the type was not replaced.
 type OtherTypes = [Option<Scalar>; 2];
 
-/// The header at the start of what has been read so far of a file of this length.
+/// Parses the header at the start of `source`, the bytes read so far of a file of this length.
 pub(super) fn header(source: &[u8], length: usize, content: Content) -> Result<Checked, MeshError> {
     if !source.starts_with(b"ply") {
         return Err(MeshError::new("this is no PLY file").line(1).expected("the word ply in the first line"));
@@ -153,7 +153,7 @@ pub(super) fn header(source: &[u8], length: usize, content: Content) -> Result<C
 }
 
 impl Checked {
-    /// The elements in the file's order.
+    /// The elements in the order of the file.
     pub(super) fn elements(&self) -> Vec<Element<'_>> {
         let mut others = self.others.iter();
         let elements = self.header.elements.values();
@@ -161,7 +161,7 @@ impl Checked {
     }
 }
 
-/// The error for this line, if it gives a property a type that is none.
+/// The error for a header line that gives a property an unknown type, if this line does.
 fn unknown_type(text: &[u8], line: usize) -> Option<MeshError> {
     let line = text.split(|byte| *byte == b'\n').nth(line - 1)?;
     let words: Vec<_> = line.split(|byte| *byte == b' ').map(String::from_utf8_lossy).collect();
@@ -178,11 +178,12 @@ fn unknown_type(text: &[u8], line: usize) -> Option<MeshError> {
     )
 }
 
-/// The header's lines in a form that the library reads, the types in them that it does not know,
-/// and what follows the header. Blanks around lines are removed, characters of comments beyond
-/// ASCII are replaced, and empty lines become comments.
+/// Splits a file into its header lines, in a form that ply-rs-bw accepts, the types replaced in
+/// them, and what follows the header. Lines are trimmed, non-ASCII characters in comments replaced,
+/// and empty lines turned into comments.
 fn split(source: &[u8]) -> (Vec<u8>, Vec<OtherTypes>, &[u8]) {
-    // Where the first line ends in a carriage return alone, the others do.
+    // If the first line ends in a carriage return alone, as on the classic Mac OS, so do the
+    // others.
     let first = source.iter().position(|byte| is_line_end(*byte)).unwrap_or(source.len());
     let is_of_old_mac = source[first..].starts_with(b"\r") && !source[first..].starts_with(b"\r\n");
     let line_end = if is_of_old_mac { b'\r' } else { b'\n' };
@@ -206,7 +207,7 @@ fn split(source: &[u8]) -> (Vec<u8>, Vec<OtherTypes>, &[u8]) {
     (text, others, &source[length..])
 }
 
-/// The line of the format in a form that the library reads, if its version has no point, as in
+/// A `format` line in a form that ply-rs-bw accepts, if its version lacks the point, as in
 /// `format ascii 1`.
 fn format_line(line: &[u8]) -> Option<Vec<u8>> {
     let mut words: Vec<_> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
@@ -217,8 +218,8 @@ fn format_line(line: &[u8]) -> Option<Vec<u8>> {
     Some(words.join(&b' '))
 }
 
-/// The line of a property in a form that the library reads, and the types that this replaces; None
-/// if it is not the line of a property.
+/// A `property` line in a form that ply-rs-bw accepts, and the types that were replaced in it;
+/// None if the line is not of a property.
 fn property(line: &[u8]) -> Option<(Vec<u8>, OtherTypes)> {
     let mut words: Vec<_> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
     let types = match words[..] {
@@ -236,8 +237,8 @@ fn property(line: &[u8]) -> Option<(Vec<u8>, OtherTypes)> {
     Some((words.join(&b' '), others))
 }
 
-/// Checks that the header is that of a mesh and that the `length` bytes after it can hold its
-/// elements.
+/// An error if the content is not supported, or if the `length` bytes after the header cannot
+/// hold the elements.
 fn check(header: &Header, text: &[u8], length: usize, content: Content) -> Result<(), MeshError> {
     let lines_of = |keyword: &[u8]| {
         let first_words = text.split(|byte| *byte == b'\n').map(|line| line.split(u8::is_ascii_whitespace).next());
@@ -253,11 +254,11 @@ fn check(header: &Header, text: &[u8], length: usize, content: Content) -> Resul
     check_content(header, content)
 }
 
-/// Checks that `length` bytes can hold as many of an element as the header claims.
+/// An error if `length` bytes cannot hold as many of an element as the header claims.
 fn check_room(element: &ElementDef, encoding: Encoding, length: usize) -> Result<(), MeshError> {
     let ElementDef { name, count, properties } = element;
     let least: usize = match encoding {
-        // A digit and a separator for each property.
+        // At least a digit and a separator for each property.
         Encoding::Ascii => (2 * properties.len()).max(1),
         _ => properties.values().map(|property| least_bytes(&property.data_type)).sum(),
     };
@@ -265,7 +266,7 @@ fn check_room(element: &ElementDef, encoding: Encoding, length: usize) -> Result
         let message = format!("the header gives its {name} elements no properties");
         return Err(MeshError::new(message).expected("at least one"));
     }
-    // The last line may lack its end.
+    // `length + 1` because the last separator may be missing.
     let most = (length + 1).checked_div(least).unwrap_or(0);
     if *count > most {
         let message = format!("the header claims {count} {name} elements, and the file has no room for so many");
@@ -274,7 +275,7 @@ fn check_room(element: &ElementDef, encoding: Encoding, length: usize) -> Result
     Ok(())
 }
 
-/// Checks that vertices have places, and faces corners; points need no faces.
+/// An error if vertices lack coordinates or, in a mesh, faces lack corners.
 fn check_content(header: &Header, content: Content) -> Result<(), MeshError> {
     let Some(vertex) = header.elements.get("vertex") else {
         return Err(MeshError::new("the header has no vertices").expected("element vertex, with its number"));
@@ -304,7 +305,8 @@ fn check_content(header: &Header, content: Content) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// The fewest bytes that a property takes in a binary file.
+/// The fewest bytes of a property in a binary file: of its number, or of an empty list's
+/// length.
 fn least_bytes(property: &PropertyType) -> usize {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = property;
     Scalar::of(scalar).bytes()
@@ -314,8 +316,8 @@ fn is_corners(property: &str) -> bool {
     property == "vertex_indices" || property == "vertex_index"
 }
 
-/// The properties of an element, in the file's order, with what each is read for. `others` begins
-/// with the element's first property, and is advanced to the next element's.
+/// The properties of an element, in the order of the file. Takes the element's entries from
+/// `others`, which is left at those of the next element.
 fn fields<'a>(element: &'a ElementDef, others: &mut slice::Iter<'_, OtherTypes>) -> Vec<Field<'a>> {
     let colour = colour_of(element);
     let role = |name: &str, kind: Kind| match kind {
@@ -345,12 +347,12 @@ fn fields<'a>(element: &'a ElementDef, others: &mut slice::Iter<'_, OtherTypes>)
         .collect()
 }
 
-/// The names that writers give to the properties of a colour: the first of these that an element
-/// has are its colour.
+/// The names that programs give to the channels of a colour. The first set of these that an
+/// element has is its colour.
 const COLOURS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
-/// The properties that are an element's colour.
+/// The names of an element's colour properties.
 pub(super) fn colour_of(element: &ElementDef) -> Option<[&'static str; 3]> {
     let is_number = |name: &&str| {
         element.properties.get(*name).is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
@@ -358,23 +360,23 @@ pub(super) fn colour_of(element: &ElementDef) -> Option<[&'static str; 3]> {
     COLOURS.into_iter().find(|names| names.iter().all(is_number))
 }
 
-/// Whether an element has a part of a colour, but not all of it, or not as numbers.
+/// Whether an element has some channels of a colour but not all, or not as numbers.
 pub(super) fn has_part_of_a_colour(element: &ElementDef) -> bool {
     let is_there = |name: &&str| element.properties.contains_key(*name);
     colour_of(element).is_none() && COLOURS[..2].as_flattened().iter().any(is_there)
 }
 
-/// The highest level of colours in 16 bits.
+/// The highest level of 16-bit colours.
 const MOST_OF_16_BITS: f64 = 65535.0;
 
-/// Whether an element's colours are levels of 16 bits.
+/// Whether an element's colours are 16-bit levels.
 pub(super) fn has_deep_colour(element: &ElementDef) -> bool {
     let is_deep = |name: &str| element.properties[name].data_type == PropertyType::Scalar(ScalarType::UShort);
     colour_of(element).is_some_and(|names| names.iter().all(|name| is_deep(name)))
 }
 
-/// The number that stands for a full channel: writers of integers mean bytes, unless their type has
-/// 16 bits without a sign.
+/// The number that stands for a full channel: 1 for floats; for integers 255, whatever their
+/// size, except unsigned 16-bit ones.
 fn highest_level(scalar: Scalar) -> f64 {
     match scalar {
         Scalar::Half | Scalar::Float | Scalar::Double => 1.0,

@@ -1,4 +1,4 @@
-//! The numbers of PLY elements: words of text, or bytes of either order.
+//! The numbers of PLY elements, parsed from words of text or from bytes of either order.
 
 use glam::{DVec3, Vec3};
 
@@ -8,36 +8,36 @@ use super::header::{Field, Kind, Role, Scalar};
 use crate::scene::diagnostic::brief;
 use crate::scene::log::is_line_end;
 
-/// Why an element cannot be read from the bytes at hand.
+/// Why an element could not be read from the bytes at hand.
 #[derive(Debug)]
 pub(super) enum Stop {
-    /// They end within it.
+    /// The bytes end within the element.
     End,
-    /// It goes on in another line, though each has one of its own.
+    /// The line ends within the element, although each element has a line of its own.
     LineEnd,
-    /// What stands there is no number, or none of the property's type.
+    /// A word or number is not valid for the property.
     Misread(Misread),
 }
 
-/// A number that cannot be one of its property.
+/// A number that is not valid for its property.
 #[derive(Debug)]
 pub(super) struct Misread {
-    /// What stands in its place.
+    /// What the file has there.
     pub found: String,
-    /// What may stand there.
+    /// What would have been valid.
     pub expected: String,
 }
 
-/// The numbers of an element, one after the other.
+/// A source of an element's numbers, one after the other.
 pub(super) trait Numbers {
-    /// The next number, which is one of this type.
+    /// The next number, which the header declares to be of this type.
     fn number(&mut self, scalar: Scalar) -> Result<Number, Stop>;
 }
 
-/// What is read of an element.
+/// The values of an element that are read.
 #[derive(Default)]
 pub(super) struct Record {
-    /// The vertex's place, as the nearest f32 and f64.
+    /// The vertex's coordinates, rounded to f32 and to f64.
     pub single: Vec3,
     pub double: DVec3,
     pub colour: Vec3,
@@ -45,7 +45,7 @@ pub(super) struct Record {
 }
 
 impl Record {
-    /// Reads an element; where that fails, also the name of the property.
+    /// Reads an element. An error comes with the name of the property.
     pub(super) fn read<'a>(&mut self, fields: &[Field<'a>], numbers: &mut impl Numbers) -> Result<(), (Stop, &'a str)> {
         self.corners.clear();
         for field in fields {
@@ -54,7 +54,7 @@ impl Record {
         Ok(())
     }
 
-    /// Takes a number that is read for this, and of this type.
+    /// Stores a number of a property with this role and type.
     #[inline]
     pub(super) fn set(&mut self, role: Role, scalar: Scalar, number: Number) {
         match role {
@@ -94,10 +94,10 @@ fn misread(found: impl Into<String>, expected: impl Into<String>) -> Stop {
     Stop::Misread(Misread { found: found.into(), expected: expected.into() })
 }
 
-/// A number that has to be a whole one, of whatever type.
+/// A number that must be an integer, of whatever type.
 fn whole(number: Number) -> Result<i64, Stop> {
     let number = number.double;
-    // Beyond it not all whole numbers are f64.
+    // Well below 2^53, up to which f64 holds every integer.
     const MOST: f64 = 9e15;
     if number.fract() == 0.0 && number.abs() < MOST {
         Ok(number as i64)
@@ -106,9 +106,9 @@ fn whole(number: Number) -> Result<i64, Stop> {
     }
 }
 
-/// A channel of a colour in linear light.
+/// A channel of a colour, converted to linear light; `highest` stands for a full channel.
 fn channel(level: f64, scalar: Scalar, highest: f64) -> f32 {
-    // A writer that means a byte and says that it has a sign.
+    // Some programs declare signed bytes for unsigned ones: undo the sign.
     let level = if scalar == Scalar::Char && level < 0.0 { level + 256.0 } else { level };
     let byte = level as u8;
     if highest == f64::from(u8::MAX) && f64::from(byte) == level {
@@ -117,7 +117,7 @@ fn channel(level: f64, scalar: Scalar, highest: f64) -> f32 {
     to_linear(level / highest)
 }
 
-/// Bytes of a binary file.
+/// The bytes of elements in a binary file.
 pub(super) struct Bytes<'a> {
     pub rest: &'a [u8],
     pub is_big_endian: bool,
@@ -144,7 +144,7 @@ impl Numbers for Bytes<'_> {
             Scalar::UShort => u16::from_le_bytes(self.next()?).into(),
             Scalar::Int => i32::from_le_bytes(self.next()?).into(),
             Scalar::UInt => u32::from_le_bytes(self.next()?).into(),
-            // Beyond 2^53 they are rounded, but no index of a vertex and no level is so large.
+            // Rounded beyond 2^53, but no vertex index and no level is so large.
             Scalar::Int64 => i64::from_le_bytes(self.next()?) as f64,
             Scalar::UInt64 => u64::from_le_bytes(self.next()?) as f64,
             Scalar::Half => of_half(u16::from_le_bytes(self.next()?)),
@@ -154,7 +154,8 @@ impl Numbers for Bytes<'_> {
     }
 }
 
-/// The value of a float of 16 bits: a sign, 5 bits of exponent, and 10 of the fraction.
+/// The value of a 16-bit float (IEEE 754 binary16): a sign, 5 bits of exponent, 10 bits of
+/// fraction.
 fn of_half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff) / 1024.0);
     let magnitude = match exponent {
@@ -166,22 +167,22 @@ fn of_half(bits: u16) -> f64 {
     if bits >> 15 == 1 { -magnitude } else { magnitude }
 }
 
-/// Words of a text, which blanks and line ends separate.
+/// The words of elements in a text file, separated by blanks and line ends.
 #[derive(Clone)]
 pub(super) struct Words<'a> {
     pub rest: &'a [u8],
-    /// Whether the file ends with these bytes.
+    /// Whether the file ends with `rest`; otherwise more bytes follow.
     pub ended: bool,
     /// The number of the line that `rest` begins in.
     pub line: usize,
-    /// The line of the first word.
+    /// The line of the element's first word, once that has been read.
     pub first_line: Option<usize>,
-    /// Whether all words must be in one line.
+    /// Whether an element must not continue in another line.
     pub within_a_line: bool,
 }
 
 impl Words<'_> {
-    /// Passes over blanks and line ends.
+    /// Skips blanks and line ends.
     fn skip_blanks(&mut self) {
         let blanks = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(self.rest.len());
         let (blanks, rest) = self.rest.split_at(blanks);
@@ -205,7 +206,7 @@ impl Words<'_> {
         Ok(word)
     }
 
-    /// Whether a word follows in the same line.
+    /// Whether a word follows in the current line.
     pub(super) fn has_more_in_line(&self) -> Result<bool, Stop> {
         match self.rest.iter().find(|byte| !byte.is_ascii_whitespace() || is_line_end(**byte)) {
             Some(byte) => Ok(!is_line_end(*byte)),
@@ -214,7 +215,7 @@ impl Words<'_> {
         }
     }
 
-    /// Whether at least so many lines with words follow.
+    /// Whether at least `count` lines with words follow.
     pub(super) fn has_lines(&self, count: usize) -> Result<bool, Stop> {
         let lines = self.rest.split(|byte| is_line_end(*byte)).filter(|line| !line.trim_ascii().is_empty());
         match lines.take(count).count() == count {
@@ -223,7 +224,7 @@ impl Words<'_> {
         }
     }
 
-    /// Passes over what is left of the line.
+    /// Skips the rest of the line.
     pub(super) fn skip_line(&mut self) -> Result<(), Stop> {
         let end = self.rest.iter().position(|byte| is_line_end(*byte));
         let end = if self.ended { end.unwrap_or(self.rest.len()) } else { end.ok_or(Stop::End)? };
@@ -251,7 +252,7 @@ impl Numbers for Words<'_> {
     }
 }
 
-/// What a header calls a type.
+/// The name of a type in a header.
 fn name(scalar: Scalar) -> &'static str {
     match scalar {
         Scalar::Char => "char",
@@ -268,11 +269,11 @@ fn name(scalar: Scalar) -> &'static str {
     }
 }
 
-/// The least and the greatest number of a type of integers.
+/// The smallest and the largest number of an integer type; None for floats.
 fn range(scalar: Scalar) -> Option<(f64, f64)> {
     let bits = 8 * scalar.bytes() as i32;
     match scalar {
-        // Some writers mean a byte without a sign.
+        // Up to 255: some programs declare signed bytes for unsigned ones.
         Scalar::Char => Some((-128.0, 255.0)),
         Scalar::Short | Scalar::Int | Scalar::Int64 => {
             let most = 2_f64.powi(bits - 1);
@@ -283,7 +284,7 @@ fn range(scalar: Scalar) -> Option<(f64, f64)> {
     }
 }
 
-/// The number of line ends: line feeds, and carriage returns without one.
+/// The number of line ends: line feeds, and carriage returns that no line feed follows.
 fn line_ends(blanks: &[u8]) -> usize {
     let returns = blanks.iter().enumerate().filter(|(at, byte)| **byte == b'\r' && blanks.get(at + 1) != Some(&b'\n'));
     returns.count() + blanks.iter().filter(|byte| **byte == b'\n').count()

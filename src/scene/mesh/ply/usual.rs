@@ -1,6 +1,8 @@
-//! The records that nearly all binary PLY files have, taken straight from their bytes.
+//! A fast reader for the record layouts that nearly all binary PLY files have, directly from the
+//! bytes.
 //!
-//! Any other is left to the reader of numbers, which says what is wrong with it.
+//! Records that it does not take are left to the reader of single numbers, which also reports
+//! errors.
 
 use glam::Vec3;
 use ply_rs_bw::ply::Encoding;
@@ -9,43 +11,45 @@ use super::Made;
 use super::header::{Element, Kind, Role, Scalar};
 use super::numbers::{Bytes, Numbers, Record};
 
-/// The layouts of records that are read here.
+/// The record layouts that the fast reader supports.
 pub(super) enum Usual {
-    /// Little-endian vertices without colours: the offsets of x, y and z, which are f32, in a
-    /// record, and the length of a record.
+    /// Little-endian vertices without colours: the byte offsets of x, y and z, which are f32, and
+    /// the length of a record.
     PlainVertices { axes: [usize; 3], bytes: usize },
-    /// Other vertices that have a single number for each property.
-    Vertices { parts: Vec<Part>, bytes: usize, is_big_endian: bool },
+    /// Other vertices without list properties.
+    Vertices { fields: Vec<RecordField>, bytes: usize, is_big_endian: bool },
     /// Faces.
     Faces(FaceLayout),
 }
 
-/// Faces with a single list, of their corners: a byte that counts them, and 32 bits for each.
+/// The layout of faces with a single list, that of the corners: its length is one byte, each index
+/// has 4 bytes.
 pub(super) struct FaceLayout {
-    /// The numbers beside the list; offsets leave out the list.
-    parts: Vec<Part>,
-    /// The bytes before and after the list.
+    /// The properties beside the list that are read; their offsets are counted as if the list were
+    /// absent.
+    fields: Vec<RecordField>,
+    /// The lengths in bytes of the properties before and after the list.
     before: usize,
     after: usize,
     is_big_endian: bool,
 }
 
-/// A number of a record that is read.
-pub(super) struct Part {
+/// A scalar property of a record that is read.
+pub(super) struct RecordField {
     offset: usize,
     scalar: Scalar,
     role: Role,
 }
 
-/// What was taken of the bytes at hand.
-pub(super) struct Taken {
+/// How much the fast reader has taken of the bytes at hand.
+pub(super) struct TakenRecords {
     pub records: usize,
-    /// The number of bytes that are left.
+    /// The number of bytes that remain.
     pub left: usize,
 }
 
 impl Usual {
-    /// The layout of the records of an element; None if it is another one.
+    /// The layout of an element's records; None if it is not supported.
     pub(super) fn of(element: &Element<'_>, encoding: Encoding) -> Option<Self> {
         let is_big_endian = match encoding {
             Encoding::Ascii => return None,
@@ -60,30 +64,30 @@ impl Usual {
     }
 
     fn of_vertices(element: &Element<'_>, is_big_endian: bool) -> Option<Self> {
-        let (mut parts, mut bytes) = (Vec::new(), 0);
+        let (mut fields, mut bytes) = (Vec::new(), 0);
         for field in &element.fields {
             let Kind::Number(scalar) = field.kind else { return None };
-            parts.extend(Part::of(bytes, scalar, field.role));
+            fields.extend(RecordField::of(bytes, scalar, field.role));
             bytes += scalar.bytes();
         }
         let mut axes = [0; 3];
         let mut is_plain = !is_big_endian;
-        for part in &parts {
-            match (part.role, part.scalar) {
-                (Role::Axis(axis), Scalar::Float) => axes[axis] = part.offset,
+        for field in &fields {
+            match (field.role, field.scalar) {
+                (Role::Axis(axis), Scalar::Float) => axes[axis] = field.offset,
                 _ => is_plain = false,
             }
         }
         let plain = Usual::PlainVertices { axes, bytes };
-        Some(if is_plain { plain } else { Usual::Vertices { parts, bytes, is_big_endian } })
+        Some(if is_plain { plain } else { Usual::Vertices { fields, bytes, is_big_endian } })
     }
 
     fn of_faces(element: &Element<'_>, is_big_endian: bool) -> Option<Self> {
-        let (mut parts, mut bytes, mut before) = (Vec::new(), 0, None);
+        let (mut fields, mut bytes, mut before) = (Vec::new(), 0, None);
         for field in &element.fields {
             match field.kind {
                 Kind::Number(scalar) => {
-                    parts.extend(Part::of(bytes, scalar, field.role));
+                    fields.extend(RecordField::of(bytes, scalar, field.role));
                     bytes += scalar.bytes();
                 }
                 Kind::List(Scalar::UChar, Scalar::Int | Scalar::UInt)
@@ -95,22 +99,22 @@ impl Usual {
             }
         }
         let before = before?;
-        Some(Usual::Faces(FaceLayout { parts, before, after: bytes - before, is_big_endian }))
+        Some(Usual::Faces(FaceLayout { fields, before, after: bytes - before, is_big_endian }))
     }
 
-    /// Takes records up to the first that is not usual or not all at hand. `read` of the element's
-    /// `count` records have been read before.
-    pub(super) fn take(&self, bytes: &[u8], read: usize, count: usize, made: &mut Made) -> Taken {
+    /// Reads records up to the first that needs the slow reader or is incomplete in `bytes`. `read`
+    /// of the element's `count` records have been read before.
+    pub(super) fn take(&self, bytes: &[u8], read: usize, count: usize, made: &mut Made) -> TakenRecords {
         match self {
             Usual::PlainVertices { axes, bytes: of_one } => {
                 let records = bytes.chunks_exact(*of_one).take(count - read);
                 let records = records.map_while(|record| made.add_plain_vertex(record, *axes)).count();
-                Taken { records, left: bytes.len() - records * of_one }
+                TakenRecords { records, left: bytes.len() - records * of_one }
             }
-            Usual::Vertices { parts, bytes: of_one, is_big_endian } => {
+            Usual::Vertices { fields, bytes: of_one, is_big_endian } => {
                 let records = bytes.chunks_exact(*of_one).take(count - read);
-                let records = records.map_while(|record| made.add_vertex(record, parts, *is_big_endian)).count();
-                Taken { records, left: bytes.len() - records * of_one }
+                let records = records.map_while(|record| made.add_vertex(record, fields, *is_big_endian)).count();
+                TakenRecords { records, left: bytes.len() - records * of_one }
             }
             Usual::Faces(layout) => {
                 let (mut records, mut rest) = (0, bytes);
@@ -120,19 +124,19 @@ impl Usual {
                     records += 1;
                     rest = after;
                 }
-                Taken { records, left: rest.len() }
+                TakenRecords { records, left: rest.len() }
             }
         }
     }
 }
 
-impl Part {
-    /// A number at this offset, if it is read.
+impl RecordField {
+    /// The property at this offset; None if its role is not read here.
     fn of(offset: usize, scalar: Scalar, role: Role) -> Option<Self> {
-        matches!(role, Role::Axis(_) | Role::Channel { .. }).then_some(Part { offset, scalar, role })
+        matches!(role, Role::Axis(_) | Role::Channel { .. }).then_some(RecordField { offset, scalar, role })
     }
 
-    /// Reads it from the bytes of a record, in which it has this offset.
+    /// Stores the property's value from the bytes of a record, at this offset.
     #[inline]
     fn read(&self, record: &[u8], offset: usize, is_big_endian: bool, into: &mut Record) -> Option<()> {
         let number = Bytes { rest: record.get(offset..)?, is_big_endian }.number(self.scalar).ok()?;
@@ -142,15 +146,15 @@ impl Part {
 }
 
 impl FaceLayout {
-    /// The colour of a face, by the numbers before and after its list.
+    /// The colour of a face, from the bytes before and after its list.
     fn colour(&self, before: &[u8], after: &[u8]) -> Option<Vec3> {
         let mut record = Record::default();
-        for part in &self.parts {
-            let (bytes, offset) = match part.offset.checked_sub(self.before) {
-                None => (before, part.offset),
+        for field in &self.fields {
+            let (bytes, offset) = match field.offset.checked_sub(self.before) {
+                None => (before, field.offset),
                 Some(offset) => (after, offset),
             };
-            part.read(bytes, offset, self.is_big_endian, &mut record)?;
+            field.read(bytes, offset, self.is_big_endian, &mut record)?;
         }
         Some(record.colour)
     }
@@ -162,7 +166,7 @@ impl FaceLayout {
 }
 
 impl Made {
-    /// Adds the vertex of a record, if it is finite.
+    /// Adds the vertex of a record; None if it is not finite.
     #[inline]
     fn add_plain_vertex(&mut self, record: &[u8], axes: [usize; 3]) -> Option<()> {
         let mut point = Vec3::ZERO;
@@ -176,11 +180,11 @@ impl Made {
         Some(())
     }
 
-    /// The same of a record of other numbers.
-    fn add_vertex(&mut self, bytes: &[u8], parts: &[Part], is_big_endian: bool) -> Option<()> {
+    /// As [`add_plain_vertex`](Self::add_plain_vertex), for a record with other properties.
+    fn add_vertex(&mut self, bytes: &[u8], fields: &[RecordField], is_big_endian: bool) -> Option<()> {
         let mut record = Record::default();
-        for part in parts {
-            part.read(bytes, part.offset, is_big_endian, &mut record)?;
+        for field in fields {
+            field.read(bytes, field.offset, is_big_endian, &mut record)?;
         }
         if !record.single.is_finite() {
             return None;
@@ -190,8 +194,8 @@ impl Made {
         Some(())
     }
 
-    /// Adds the face that bytes begin with, if it has three corners or more and the file has these
-    /// vertices, and returns what follows it.
+    /// Adds the face at the start of `bytes` and returns what follows it; None if it has fewer than
+    /// three corners or a vertex index out of range.
     #[inline]
     fn add_usual_face<'a>(&mut self, number: usize, bytes: &'a [u8], layout: &FaceLayout) -> Option<&'a [u8]> {
         let (before, rest) = bytes.split_at_checked(layout.before)?;
