@@ -19,7 +19,7 @@ use rayo_lab::experiments::accuracy::summary::off_every_front;
 use rayo_lab::experiments::accuracy::{self, AccuracyReport, Rate, plot, subjects};
 use rayo_lab::measure::{Clock, Machine, MachineClock};
 
-/// Scenes so few that each is shown row by row.
+/// Up to this many scenes each get a table of all rows.
 const FEW: usize = 8;
 
 /// Compare every engine with exact arithmetic, and its error with its run time
@@ -51,8 +51,8 @@ pub struct AccuracyArgs {
     json: bool,
 }
 
-/// Measures every scene, one after the other, until `proceed` returns false, which is called with
-/// the number of scenes that were finished since.
+/// Measures the scenes one after the other. `proceed` is called with the number of scenes finished
+/// since its last call; measuring ends when it returns false.
 pub fn measure(
     subjects: &[Subject],
     quick: bool,
@@ -76,7 +76,7 @@ pub fn measure(
     Ok(AccuracyReport { machine, complete, quick, rows, off_every_front, against_plain: plain })
 }
 
-/// Measures, prints and writes.
+/// Measures, prints the result and writes the files.
 pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
     let subjects = if args.scenes.is_empty() {
         subjects::all(args.quick)
@@ -115,7 +115,7 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
     let (page, csv) = (markdown::text(&document), table::csv(&document));
     let texts = [("accuracy.md", page), ("table.csv", csv), ("accuracy.svg", figure)];
     write_results(&args.out, "results.json", &document, texts)?;
-    // On paper as on a terminal.
+    // As wide as a terminal, or 120 columns if the output is none.
     let columns = terminal_width().unwrap_or(120);
     print_result(args.json, &document, || fit::fit(&table::text(&document, subjects.len() <= FEW), columns))?;
     stopped_unless(document.complete)?;

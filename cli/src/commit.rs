@@ -1,11 +1,11 @@
 //! The commit that the program was built from.
 
-/// The log of commits checked out, whose last line names the current one; None if the program was
-/// not built in a repository.
+/// The reflog of HEAD, whose last line names the commit that is checked out; None if the program
+/// was not built in a repository.
 const LOG: Option<&[u8]> = include!(concat!(env!("OUT_DIR"), "/log.rs"));
 
-/// The first digits of the current commit's name: each line of the log begins with the name of the
-/// commit before, a space, and the name of the new one.
+/// The first digits of the current commit's hash. Each line of the reflog begins with the hash of
+/// the previous commit, a space, and the hash of the new one.
 static COMMIT: Option<[u8; 12]> = match LOG {
     Some(log) => commit(log),
     None => None,
@@ -25,7 +25,7 @@ const fn commit(log: &[u8]) -> Option<[u8; 12]> {
     }
 }
 
-/// The first digits of the commit's name; None for a build from a package.
+/// The first digits of the commit's hash; None if the program was not built in a repository.
 pub fn name() -> Option<&'static str> {
     std::str::from_utf8(COMMIT.as_ref()?).ok()
 }

@@ -42,8 +42,8 @@ pub struct ConvertArgs {
     view: ViewArgs,
 }
 
-/// More triangles than this in one TOML file are worth a warning: reading takes some 5 kB of memory
-/// for each.
+/// A TOML file with more triangles than this gets a warning, since reading it takes about 5 kB of
+/// memory for each.
 const MANY_TABLES: usize = 50_000;
 
 /// Converts the file.
@@ -53,7 +53,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let to = format(output)?;
     let options = view.model_options()?;
     let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
-    // The points of a PLY file are spheres of a scene.
+    // A PLY file of points becomes a scene of spheres, not a mesh.
     let is_mesh = matches!(from, SceneFormat::Mesh(_)) && !has_points(input, &options);
     match (from, to) {
         (SceneFormat::Mesh(from), SceneFormat::Mesh(to)) if is_mesh => mesh_to_mesh(args, from, to)?,
@@ -68,14 +68,14 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Reads the mesh, whose files the output is not to replace.
+/// Reads the input mesh. Fails if the output would replace one of its files.
 fn read_mesh(args: &ConvertArgs) -> Result<Mesh, Failure> {
     let unread = |error: MeshError| Failure::input(SceneError::Mesh(error).render(colour_on_stderr()));
     let mesh = Mesh::read_with_threads(&args.input, cores()).map_err(unread)?;
     keep_apart(&args.output, &mesh.libraries).map(|()| mesh)
 }
 
-/// Writes a mesh in another format of meshes, with notes and warnings of what differs.
+/// Writes a mesh in another mesh format, with notes and warnings about what is lost or changed.
 fn mesh_to_mesh(args: &ConvertArgs, from: MeshFormat, to: MeshFormat) -> Result<(), Failure> {
     let ConvertArgs { input, output, quiet, view } = args;
     if let Some(option) = view.given() {
@@ -105,7 +105,7 @@ fn mesh_to_mesh(args: &ConvertArgs, from: MeshFormat, to: MeshFormat) -> Result<
     write(output, |out| mesh.write(to, out))
 }
 
-/// Writes a scene that names the mesh file.
+/// Writes a scene that refers to the mesh file.
 fn mesh_to_toml(args: &ConvertArgs, from: MeshFormat, options: &ModelOptions) -> Result<(), Failure> {
     let ConvertArgs { input, output, view, .. } = args;
     view.suit(input)?;
@@ -113,7 +113,7 @@ fn mesh_to_toml(args: &ConvertArgs, from: MeshFormat, options: &ModelOptions) ->
     let setting = Setting::of_mesh(&mesh, from, options);
     let mut setting = setting.ok_or_else(|| Failure::input("the mesh is too large to be seen whole"))?;
     if let Some(view) = view.view(input, setting.view) {
-        // What a camera cannot see from there is said here, and not when the scene is read.
+        // Report a view without a picture now rather than when the scene is read.
         view.to_camera().map_err(Failure::input)?;
         setting = setting.seen_from(view);
     }
@@ -123,7 +123,7 @@ fn mesh_to_toml(args: &ConvertArgs, from: MeshFormat, options: &ModelOptions) ->
     write(output, |out| out.write_all(text.as_bytes()))
 }
 
-/// The format that a name asks for.
+/// The format that the extension of a name tells.
 pub(super) fn format(path: &Path) -> Result<SceneFormat, Failure> {
     match SceneFormat::from_path(path) {
         Some(SceneFormat::Cloud(format)) => Err(no_writer(path, format)),
@@ -144,12 +144,12 @@ pub(super) fn format(path: &Path) -> Result<SceneFormat, Failure> {
     }
 }
 
-/// The failure where atoms or points are to be written.
+/// The error for an output in a format of atoms or points.
 fn no_writer(path: &Path, format: CloudFormat) -> Failure {
     Failure::input(format!("{}: {format} files are read, and not written: write spheres as .in or .toml", shown(path)))
 }
 
-/// Writes a scene in a format, with a warning of what that cannot hold.
+/// Writes a scene in a format, with a warning about what the format cannot hold.
 pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Result<(), Failure> {
     let warn = |what: &str| say(&format!("warning: {}: {what}", shown(path)));
     match format {
@@ -209,7 +209,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
     }
 }
 
-/// Writes a file that appears whole or not at all.
+/// Writes a file atomically: it appears with all of its content or not at all.
 pub(super) fn write(path: &Path, content: impl FnOnce(&mut OutputFile) -> io::Result<()>) -> Result<(), Failure> {
     remove_part_files_on_signals()?;
     let mut file = OutputFile::create(path, Existing::Replace).map_err(Failure::output)?;
@@ -217,12 +217,13 @@ pub(super) fn write(path: &Path, content: impl FnOnce(&mut OutputFile) -> io::Re
     file.finish().map_err(Failure::output)
 }
 
-/// How a scene at `scene` names a mesh file: from its own folder on, with slashes.
+/// The path by which a scene at `scene` refers to a mesh file: relative to the scene's folder, with
+/// slashes.
 fn reference(mesh: &Path, scene: &Path) -> Result<String, Failure> {
     let folder = scene.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let absolute = |path: &Path| path.canonicalize();
     let (Ok(mesh), Ok(folder)) = (absolute(mesh), absolute(folder)) else {
-        // The folder is missing, which writing will say.
+        // The scene's folder does not exist; writing the scene will report that.
         return Ok(mesh.to_string_lossy().into_owned());
     };
     let shared = mesh.components().zip(folder.components()).take_while(|(a, b)| a == b).count();

@@ -1,4 +1,4 @@
-//! The options for what is made of linear light after tracing.
+//! The options for developing a picture: what happens to the linear light after tracing.
 
 use std::path::Path;
 
@@ -9,9 +9,9 @@ use super::{Failure, say};
 use rayo::internals::render::{Development, Format};
 use rayo::internals::scene::{Camera, Scene, shown, srgb};
 
-/// Samples of a pixel in each direction.
+/// The most samples per pixel in each direction.
 const MOST_SAMPLES: u32 = 16;
-/// Stops, more or less.
+/// The largest exposure, up or down, in stops.
 const MOST_STOPS: f64 = 60.0;
 
 /// How a picture is developed.
@@ -56,7 +56,7 @@ pub(super) fn colour(text: &str) -> Result<[f32; 3], &'static str> {
     )
 }
 
-/// The linear light of levels on the sRGB curve, by their hexadecimal digits.
+/// The linear light of six hexadecimal digits of sRGB levels.
 fn levels(digits: &str) -> Option<[f32; 3]> {
     let are_digits = digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
     let [_, levels @ ..] = u32::from_str_radix(digits, 16).ok().filter(|_| are_digits)?.to_be_bytes();
@@ -64,7 +64,8 @@ fn levels(digits: &str) -> Option<[f32; 3]> {
 }
 
 impl DevelopmentArgs {
-    /// What is asked for, if anything, of the picture `path`.
+    /// The development that the options ask for, of the picture at `path`; None if no option is
+    /// given.
     pub(super) fn of(&self, path: &Path, format: Format) -> Result<Option<Development>, Failure> {
         if self.srgb && !format.is_8bit() {
             return Err(Failure::input(format!(
@@ -77,8 +78,8 @@ impl DevelopmentArgs {
         Ok((development != plain).then_some(development))
     }
 
-    /// Notes that a picture of levels cannot show how bright the background is: levels may have
-    /// been meant.
+    /// Notes that an 8-bit picture clips a background brighter than white: the user may have meant
+    /// levels up to 255.
     pub(super) fn note_bright_background(&self) {
         let Some(background) = self.background else { return };
         let exposure = self.exposure.unwrap_or_default().exp2();
@@ -91,12 +92,13 @@ impl DevelopmentArgs {
         }
     }
 
-    /// The scene of the plain picture, which has this camera, if its edges alone have samples.
+    /// With --edges: the scene with the camera of the picture itself, one ray per pixel, in which
+    /// edges are searched.
     pub(super) fn plain(&self, scene: &Scene, camera: Camera) -> Option<Scene> {
         (self.edges && self.samples > Some(1)).then(|| Scene { camera, ..scene.clone() })
     }
 
-    /// What is asked for, with so many samples unless others are.
+    /// The development that the options ask for, with this many samples by default.
     pub(super) fn with_samples(&self, samples: u32) -> Development {
         let plain = Development::default();
         Development {
@@ -108,7 +110,7 @@ impl DevelopmentArgs {
     }
 }
 
-/// The camera of the samples of a picture's.
+/// The camera that traces all samples of a picture with this camera.
 pub(super) fn sampled(camera: &Camera, development: Development) -> Result<Camera, Failure> {
     let samples = development.samples;
     development.camera(camera).map_err(|error| Failure::input(format!("--samples {samples}: {error}")))

@@ -1,4 +1,4 @@
-//! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
+//! `rayo diff`: compares two images and reports the difference in words, as JSON, or as a picture.
 
 use super::{
     Failure, keep_apart, keep_off_terminals, keep_scene_files, keep_standard_input_whole, print_result,
@@ -43,12 +43,12 @@ pub struct DiffArgs {
 /// 0 or 1.
 ///
 /// # Errors
-/// If there is no verdict.
+/// If the images cannot be compared.
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     keep_standard_input_whole(&[&args.a, &args.b])?;
     let output = args.output.as_deref().map(|path| {
         keep_apart(path, &[input(&args.a), input(&args.b)])?;
-        // Before any work: a name that no picture can be written to.
+        // Before comparing, reject a name that no picture can be written to.
         let format = output_format(path)?;
         keep_scene_files(path)?;
         keep_off_terminals(path)?;
@@ -67,18 +67,19 @@ pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     Ok(if within_tolerance { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The file of an image, which is standard input under the name `-`.
+/// The path to read an image from: `-` means standard input.
 fn input(path: &Path) -> &Path {
     if path == Path::new("-") { Path::new("/dev/stdin") } else { path }
 }
 
-/// Compares the images, in numbers and in words, and writes the picture of their differences.
+/// Compares the images; returns the result in numbers and in words, and writes the picture of the
+/// differences.
 fn diff(args: &DiffArgs, output: Option<(&Path, Format)>) -> Result<(Comparison, String), Failure> {
     let incomparable =
         |error| Failure::input(format!("cannot compare {} with {}: {error}", shown(&args.a), shown(&args.b)));
     let a = ImageFile::open(input(&args.a)).map_err(Failure::input)?;
     let b = ImageFile::open(input(&args.b)).map_err(Failure::input)?;
-    // Before memory is taken for the pixels of either.
+    // Compare the sizes before allocating memory for pixels.
     if a.size() != b.size() {
         return Err(incomparable(CompareError::Sizes(a.size(), b.size())));
     }
@@ -95,7 +96,7 @@ fn diff(args: &DiffArgs, output: Option<(&Path, Format)>) -> Result<(Comparison,
     Ok((comparison, text))
 }
 
-/// What `--json` prints; the fields of the comparison are not nested.
+/// The JSON document. The fields of the comparison are flattened into it.
 #[derive(Serialize)]
 struct Verdict<'a> {
     a: std::borrow::Cow<'a, str>,
@@ -127,7 +128,7 @@ fn write_picture(path: &Path, format: Format, picture: &Picture) -> Result<(), I
     writer.finish()
 }
 
-/// The result in words: one line, or three if something differs.
+/// The result in words: one line, or three if the images differ.
 fn words(comparison: &Comparison, a: &Picture, b: &Picture) -> String {
     let &Comparison { width, height, unit, differing, off_by_1, off_by_2, infinite, largest, .. } = comparison;
     let Some((x, y)) = comparison.largest_at else {
@@ -152,12 +153,12 @@ fn words(comparison: &Comparison, a: &Picture, b: &Picture) -> String {
     )
 }
 
-/// Some three digits that mean something.
+/// A number with about three significant digits.
 fn short(value: f64) -> String {
     if (0.1..1e4).contains(&value) { format!("{value:.3}") } else { format!("{value:.2e}") }
 }
 
-/// The channels of a pixel.
+/// The channels of a pixel, in words.
 fn describe(picture: &Picture, index: usize) -> String {
     match &picture.pixels {
         Pixels::Rgb8(pixels) => pixels[index].map(|level| level.to_string()).join(" "),

@@ -1,4 +1,4 @@
-//! The options that choose an engine and its precision, shared by all commands that trace with one.
+//! The options for engine and precision, shared by all commands that trace with one engine.
 
 use std::env;
 use std::ffi::OsString;
@@ -12,7 +12,7 @@ use rayo::internals::plan::{Keep, Team};
 use rayo::internals::render::{Engine, EngineError, PixelFormat, Plan, Precision, Purpose, Settings};
 use rayo::internals::scene::Scene;
 
-/// What `--engine` is where it is not given.
+/// The environment variable that is the default of `--engine`.
 pub(super) const VARIABLE: &str = "RAYO_ENGINE";
 
 /// Who traces, in what numbers.
@@ -29,19 +29,20 @@ pub struct EngineArgs {
 }
 
 impl EngineArgs {
-    /// Whether it is to be the fastest. A variable that is empty is none.
+    /// Whether the fastest engine is to be chosen. An empty environment variable counts as unset.
     pub(super) fn is_auto(&self) -> bool {
         let is_none = self.engine.is_empty() && env::var_os(VARIABLE).is_some_and(|value| value.is_empty());
         is_none || self.engine == "auto"
     }
 
-    /// The engine, which this CPU runs, and the precision that it is asked for.
+    /// The engine, which this CPU can run, and the precision that was asked for, if any.
     pub(super) fn chosen(&self) -> Result<(Engine, Option<Precision>), Failure> {
         let EngineArgs { engine, precision } = self;
         let usable = |engine: Engine| engine.usable().then_some(engine).ok_or(EngineError::Unusable(engine));
         let engine = if self.is_auto() { "auto".as_ref() } else { engine.as_os_str() };
         let chosen = Engine::from_str(&engine.to_string_lossy()).and_then(usable).map_err(|error| {
-            // A variable that was set long ago is not the first thing that one thinks of.
+            // Name the environment variable in the error: the user may have set it long ago and
+            // forgotten it.
             let from_variable = env::var_os(VARIABLE).is_some_and(|value| value == *engine);
             Failure::input(if from_variable { format!("{VARIABLE}: {error}") } else { error.to_string() })
         })?;
@@ -50,18 +51,18 @@ impl EngineArgs {
     }
 }
 
-/// By what pictures are traced.
+/// The engine and the settings that pictures are traced with.
 #[derive(Clone, Copy)]
 pub(super) struct Tracing {
     pub engine: Engine,
     pub precision: Option<Precision>,
     pub keep: Keep,
-    /// None for one for each core, or as many as the system gives.
+    /// None means one thread for each core, or as many as the system allows.
     pub threads: Option<usize>,
 }
 
 impl Tracing {
-    /// The plan of a scene for one format, or for any, whose rows come band by band.
+    /// The plan of a scene for one pixel format, or for any, of which a frame traces bands of rows.
     pub(super) fn plan(self, scene: &Scene, format: Option<PixelFormat>) -> Result<Plan<'_>, Failure> {
         let Tracing { engine, precision, keep, .. } = self;
         let threads = self.threads.unwrap_or_else(cores);
@@ -69,7 +70,7 @@ impl Tracing {
             .map_err(Failure::input)
     }
 
-    /// How a frame is traced, for which the threads are started.
+    /// The settings of a frame. Starts the threads, to learn how many the system allows.
     pub(super) fn settings(self) -> Settings {
         Settings { threads: self.threads.unwrap_or_else(|| Team::up_to(cores()).threads()) }
     }

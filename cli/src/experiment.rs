@@ -1,5 +1,5 @@
-//! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor
-//! comes from.
+//! `rayo experiment`: repeats the experiment of the paper's section 5 and explains the speedup that
+//! it finds.
 
 pub mod complexity;
 mod one_run;
@@ -16,7 +16,7 @@ use super::number::{count, whole};
 use rayo::internals::render::Engine;
 use rayo_lab::experiments::speedup::Settings;
 
-/// No run of this experiment says more after so many.
+/// The most runs of a size: further ones would not narrow the confidence intervals noticeably.
 const MAX_RUNS: u64 = 100_000;
 
 /// Repeat the paper's experiment: C against SIMD and every other engine at twenty sizes, on one
@@ -69,7 +69,7 @@ pub struct ExperimentArgs {
 }
 
 impl ExperimentArgs {
-    /// All of it, for those that measure more than that; they write their own files.
+    /// All of the experiment, with the ladder, for `rayo report`, which writes the files itself.
     pub fn whole(quick: bool) -> Self {
         ExperimentArgs { quick, ladder: true, ..ExperimentArgs::default() }
     }
@@ -80,9 +80,9 @@ impl ExperimentArgs {
     }
 }
 
-/// Measures, prints and writes; or is one run of it.
+/// Measures, prints the result and writes the files; with --one-run, performs that run only.
 pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    // Those that the paper compares.
+    // The two programs that the paper compares must be available.
     for engine in ["c", "paper"] {
         engine.parse::<Engine>().map_err(Failure::input)?;
     }

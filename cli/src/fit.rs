@@ -1,7 +1,7 @@
-//! Text made to fit a terminal: wide tables in parts, and lines broken between words.
+//! Fits text to the width of a terminal: splits wide tables, and breaks lines between words.
 
-/// The text in lines of `width` characters, where it can be: what stands in a table of Markdown
-/// stays in its columns.
+/// The text in lines of `width` characters, where that is possible. Cells of Markdown tables are
+/// not broken.
 pub fn fit(text: &str, width: usize) -> String {
     let mut fitted = String::new();
     let lines: Vec<_> = text.lines().collect();
@@ -17,13 +17,13 @@ pub fn fit(text: &str, width: usize) -> String {
     fitted
 }
 
-/// As many columns beside those of words as fit, and below them these again with the next. Words
-/// are in the columns before those of numbers, as far as they leave half of the width, and at least
-/// in the first.
+/// Splits a table into several, each with the leading columns of words and as many number columns
+/// as fit. The leading columns are those before the first number column, as long as they take at
+/// most half of the width; the first column always is one.
 fn table(fitted: &mut String, lines: &[&str], width: usize) {
     let lines: Vec<Vec<char>> = lines.iter().map(|line| line.chars().collect()).collect();
-    // Where the columns begin, and the end: the rule has a bar there and nowhere else, and the
-    // others stand below it.
+    // The bounds of the columns. The rule below the heading has a bar exactly there, unlike other
+    // lines, and all cells are aligned with it.
     let bars: Vec<_> = (0..lines[1].len()).filter(|at| lines[1][*at] == '|').collect();
     let columns: Vec<_> = bars.windows(2).map(|bars| bars[0]..bars[1]).collect();
     let mut words = 0;
@@ -48,8 +48,8 @@ fn table(fitted: &mut String, lines: &[&str], width: usize) {
     }
 }
 
-/// A line broken between words; what follows stands below the text of what begins with a label, or
-/// below its beginning, or two characters to the right of the margin.
+/// Breaks a line between words. Continued lines are indented: to the text after a label if the line
+/// begins with one, or as the line itself, at least by two spaces.
 fn wrap(fitted: &mut String, line: &str, width: usize) {
     let start = spaces_at(line);
     let text = match line[start..].find("  ") {
@@ -58,7 +58,7 @@ fn wrap(fitted: &mut String, line: &str, width: usize) {
     };
     let indent = " ".repeat(if text <= width / 3 { text } else { 2 });
     let (mut length, mut words) = (0, 0);
-    // The gaps within a line stay as wide as they are.
+    // Splitting at single spaces keeps wider gaps within a line as they are.
     for word in line.split_inclusive(' ') {
         let word_length = word.trim_end().chars().count();
         if length + word_length > width && words > 0 {
@@ -76,7 +76,7 @@ fn wrap(fitted: &mut String, line: &str, width: usize) {
     *fitted += "\n";
 }
 
-/// As many characters as a terminal shows: styles (SGR) take no place.
+/// The number of characters that a terminal shows: escape sequences for styles (SGR) take no space.
 fn shown_length(line: &str) -> usize {
     let mut parts = line.split("\u{1b}[");
     let first = parts.next().map_or(0, |part| part.chars().count());

@@ -1,4 +1,4 @@
-//! `rayo info`: the machine, the engines of this build, and what they were built from and with.
+//! `rayo info`: the machine, the engines of this build, and the compilers and commit of the build.
 
 use std::process::ExitCode;
 
@@ -22,13 +22,13 @@ pub struct InfoArgs {
     json: bool,
 }
 
-/// What there is to tell; the names are those of the JSON document.
+/// The information; the field names are those of the JSON document.
 #[derive(Serialize)]
 struct Info {
     #[serde(flatten)]
     machine: Machine,
     isa: Vec<IsaInfo>,
-    /// Those that this machine runs.
+    /// The engines that this machine can run.
     engines: Vec<&'static str>,
     auto: &'static str,
 }
@@ -67,7 +67,7 @@ impl Info {
     }
 }
 
-/// Prints what there is to tell.
+/// Prints the information.
 pub fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
     let info = Info::new();
     print_result(args.json, &info, || info.text())?;

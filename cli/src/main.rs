@@ -1,4 +1,4 @@
-//! The command line: arguments in, text and files out, one file per subcommand.
+//! The command line program: one module per subcommand.
 
 mod accuracy;
 mod commit;
@@ -81,19 +81,19 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-/// What ends a command early: what to say, and the exit status that says whose fault it is.
+/// An error that ends a command: a message, and the exit status, which tells whose fault it is.
 struct Failure {
     message: String,
     status: u8,
 }
 
 impl Failure {
-    /// Bad usage or bad input.
+    /// Invalid usage or input.
     fn input(error: impl ToString) -> Self {
         Failure { message: error.to_string(), status: 2 }
     }
 
-    /// Writing failed, or a check did not hold.
+    /// A write failed, or a check did not hold.
     fn output(error: impl ToString) -> Self {
         Failure { message: error.to_string(), status: 1 }
     }
@@ -110,7 +110,8 @@ impl Failure {
 }
 
 impl From<RenderError> for Failure {
-    /// Disk full and the like are the output's fault; what cannot be set up is not.
+    /// A failed write, such as to a full disk, is the output's fault; a setup that is impossible is
+    /// the input's.
     fn from(error: RenderError) -> Self {
         match error {
             RenderError::Image(_) => Failure::output(error),
@@ -121,7 +122,7 @@ impl From<RenderError> for Failure {
     }
 }
 
-/// Refuses `what` where the kernels in assembly that it is about are not in this build.
+/// Fails if this build lacks the assembly kernels that `what` needs.
 fn require_assembly(what: &str) -> Result<(), Failure> {
     if Isa::Sse41.built() {
         return Ok(());
@@ -131,14 +132,14 @@ fn require_assembly(what: &str) -> Result<(), Failure> {
     )))
 }
 
-/// Refuses a file to write that is one of those to read, which it would replace.
+/// Fails if the output file would replace one of the input files.
 fn keep_apart(output: &Path, inputs: &[impl AsRef<Path>]) -> Result<(), Failure> {
     let target = output.canonicalize().ok().filter(|path| path.is_file());
     let is_one = target.is_some_and(|target| without_links(inputs).any(|input| input == target));
     if is_one { Err(is_read(output)) } else { Ok(()) }
 }
 
-/// Refuses a picture whose name is a link to a file that a scene may be read from.
+/// Fails if the picture's name is a link to a file that could be a scene.
 fn keep_scene_files(picture: &Path) -> Result<(), Failure> {
     let target = picture.canonicalize().unwrap_or_default();
     let is_mtl = target.extension().is_some_and(|end| end.eq_ignore_ascii_case("mtl"));
@@ -151,7 +152,7 @@ fn keep_scene_files(picture: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// Refuses a picture whose name is that of a terminal, such as /dev/tty.
+/// Fails if the picture's name is that of a terminal, such as /dev/tty.
 fn keep_off_terminals(picture: &Path) -> Result<(), Failure> {
     let is_file = picture.metadata().is_ok_and(|metadata| metadata.is_file() || metadata.is_dir());
     let is_terminal = !is_file && picture.starts_with("/dev") && !is_standard_output(picture);
@@ -162,7 +163,7 @@ fn keep_off_terminals(picture: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Refuses to read standard input twice.
+/// Fails if standard input would be read twice.
 fn keep_standard_input_whole(inputs: &[impl AsRef<Path>]) -> Result<(), Failure> {
     let names = ["-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"];
     let is_standard_input = |input: &&_| names.iter().any(|name| AsRef::<Path>::as_ref(*input) == Path::new(name));
@@ -172,7 +173,7 @@ fn keep_standard_input_whole(inputs: &[impl AsRef<Path>]) -> Result<(), Failure>
     }
 }
 
-/// The files that these names lead to, as far as there are any.
+/// The files that these names refer to, links resolved; missing files are left out.
 fn without_links(names: &[impl AsRef<Path>]) -> impl Iterator<Item = PathBuf> {
     names.iter().filter_map(|name| name.as_ref().canonicalize().ok())
 }
@@ -184,15 +185,15 @@ fn is_read(output: &Path) -> Failure {
 #[global_allocator]
 static MEMORY: memory::Allocator = memory::Allocator;
 
-/// Runs the program with the arguments of this process.
+/// Runs the program with the arguments of the process.
 fn main() -> ExitCode {
     if let Some(commit) = commit::name() {
         set_commit(commit);
     }
-    // While there is one thread.
+    // Must be called before a second thread starts.
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     memory::use_large_pages();
-    // Reading the arguments takes some 70 kB.
+    // Parsing the arguments takes about 70 kB of stack.
     if !has_small_stack() {
         return run();
     }
@@ -238,11 +239,11 @@ fn run() -> ExitCode {
     result.unwrap_or_else(|failure| failure.tell())
 }
 
-/// Warns, in the first of several processes that MPI or Slurm has started together, that each of
-/// them does all the work.
+/// If MPI or Slurm has started several processes, warns once (in the first of them) that each
+/// process does all of the work.
 fn warn_of_ranks() {
-    /// The variables with the number of processes and with the number of this one: of Open MPI, of
-    /// MPICH and those derived from it, and of a step of Slurm.
+    /// The environment variables with the number of processes and the rank of this one: of Open
+    /// MPI, of MPICH and its derivatives, and of Slurm's srun.
     const LAUNCHERS: [[&str; 2]; 3] = [
         ["OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"],
         ["PMI_SIZE", "PMI_RANK"],
@@ -259,7 +260,7 @@ fn warn_of_ranks() {
     }
 }
 
-/// What `clap` has to say of the arguments, which it repeats, if they were safe to print.
+/// The error of `clap`, with the arguments that it repeats made safe to print.
 fn in_print() -> Option<clap::Error> {
     let mut error = Cli::try_parse_from(arguments_in_print()).err()?;
     usage::add_tips(&mut error, arguments_in_print());
@@ -270,7 +271,7 @@ fn arguments_in_print() -> impl Iterator<Item = String> {
     std::env::args_os().map(|argument| brief(&argument.to_string_lossy()))
 }
 
-/// Help and versions are results; everything else that is no command is bad usage.
+/// Help and version texts are results; any other message without a command is invalid usage.
 fn help_or_usage(message: clap::Error) -> ExitCode {
     if message.exit_code() == 0 {
         let text = text_of(&message, colour_on_stdout());
@@ -280,13 +281,13 @@ fn help_or_usage(message: clap::Error) -> ExitCode {
     ExitCode::from(u8::try_from(message.exit_code()).unwrap_or(2))
 }
 
-/// What `clap` has to say, in the styles of terminals if there is `colour`.
+/// The text of clap's message, with terminal styles if `colour`.
 fn text_of(message: &clap::Error, colour: bool) -> String {
     let text = message.render();
     if colour { text.ansi().to_string() } else { text.to_string() }
 }
 
-/// Diagnostics with a look of their own begin with "error" already.
+/// Adds "error: ", unless the message begins so itself, as rendered diagnostics do.
 fn with_prefix(message: &str) -> String {
     if message.starts_with("error: ") || message.starts_with('\u{1b}') {
         message.into()
@@ -295,27 +296,27 @@ fn with_prefix(message: &str) -> String {
     }
 }
 
-/// From here on the signals that end the process do so without leaving the hidden files that it is
-/// writing. On Linux these files have no name, and vanish with the process.
+/// From now on, signals that end the process also remove the hidden files that are being written.
+/// On Linux these files have no name and vanish with the process.
 fn remove_part_files_on_signals() -> Result<(), Failure> {
     if cfg!(target_os = "linux") { Ok(()) } else { listen_once(end_at_once) }
 }
 
-/// Ends the process as the signal that was heard would.
+/// Ends the process with the exit status of the received signal.
 fn end_at_once() {
     #[cfg(not(target_os = "linux"))]
     remove_unfinished();
     signals::exit()
 }
 
-/// Ends the process after the crash of a kernel, and tells of it.
+/// Reports the crash of a kernel and ends the process.
 fn end_after_crash(crash: crash::Crash) -> ! {
     let failure = Failure::output(describe(&crash, None));
     failure.tell();
     std::process::exit(failure.status.into())
 }
 
-/// Listens for signals, unless somebody does so already.
+/// Listens for signals, unless something already does.
 fn listen_once(heard: impl FnMut() + Send + 'static) -> Result<(), Failure> {
     static IS_HEARD: Mutex<bool> = Mutex::new(false);
     let mut is_heard = IS_HEARD.lock().unwrap_or_else(PoisonError::into_inner);
@@ -334,7 +335,7 @@ fn colour_on_stdout() -> bool {
     io::stdout().is_terminal() && colour_is_wanted()
 }
 
-// Styles of terminals (SGR).
+// SGR codes of terminal styles.
 const PLAIN: &str = "0";
 const BOLD: &str = "1";
 const DIM: &str = "2";
@@ -343,7 +344,7 @@ const GREEN: &str = "32";
 const YELLOW: &str = "33";
 const CYAN: &str = "36";
 
-/// Text in a style, where there are colours.
+/// The text in a style, if `colour`.
 fn styled(colour: bool, code: &str, text: &str) -> String {
     if colour && !text.is_empty() { format!("\u{1b}[{code}m{text}\u{1b}[0m") } else { text.into() }
 }
@@ -352,14 +353,14 @@ fn colour_is_wanted() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
-/// Tells the user something that is no result.
+/// Prints a message that is not a result to standard error.
 fn say(text: &str) {
-    // Nothing is lost if nobody listens.
+    // A failed write is ignored: nothing important is lost.
     let _ = writeln!(io::stderr(), "{}", harmless(text));
 }
 
-/// Text without unseen characters but ends of lines and the styles of terminals, whatever files it
-/// was made of.
+/// The text without invisible characters, except line ends and terminal styles, so that text from
+/// files is safe to print.
 fn harmless(text: &str) -> String {
     let is_style = |at: usize| {
         let style = text[at..].strip_prefix("\u{1b}[");
@@ -370,7 +371,7 @@ fn harmless(text: &str) -> String {
     text.char_indices().map(spell).collect()
 }
 
-/// A JSON document: the number of its schema, and then what it says.
+/// A JSON document: the number of its schema, followed by the fields of its content.
 #[derive(Serialize)]
 struct Document<'a, T> {
     schema: u32,
@@ -378,8 +379,8 @@ struct Document<'a, T> {
     content: &'a T,
 }
 
-/// The text of such a document; all have the first schema. Characters that text output escapes are
-/// escaped as JSON has it.
+/// The text of a JSON document; all documents have schema 1. Characters that text output would
+/// escape are escaped as JSON requires.
 fn json(content: &impl Serialize) -> Result<String, Failure> {
     let text = serde_json::to_string_pretty(&Document { schema: 1, content }).map_err(Failure::output)?;
     let mut escaped = String::with_capacity(text.len());
@@ -393,7 +394,7 @@ fn json(content: &impl Serialize) -> Result<String, Failure> {
     Ok(escaped)
 }
 
-/// Prints the result: as one JSON document where that is asked for, else as text.
+/// Prints a result, as a JSON document or as text.
 fn print_result(as_json: bool, result: &impl Serialize, text: impl FnOnce() -> String) -> Result<(), Failure> {
     if !as_json {
         return print(&text());
@@ -401,25 +402,25 @@ fn print_result(as_json: bool, result: &impl Serialize, text: impl FnOnce() -> S
     write_out(format!("{}\n", json(result)?).as_bytes())
 }
 
-/// The columns and lines of standard output, if that is a terminal.
+/// The width and height of the terminal in characters, if standard output is one.
 fn terminal_size() -> Option<(usize, usize)> {
     let (Width(width), Height(height)) = terminal_size_of(io::stdout())?;
     Some((width.into(), height.into()))
 }
 
-/// As many characters as a line of standard output has, if that is a terminal.
+/// The width of the terminal in characters, if standard output is one.
 fn terminal_width() -> Option<usize> {
     Some(terminal_size()?.0)
 }
 
-/// Prints text to standard output, and to a terminal so that it fits.
+/// Prints text to standard output; for a terminal, lines are fitted to its width.
 fn print(text: &str) -> Result<(), Failure> {
     let text = harmless(text);
     let text = terminal_width().map_or_else(|| text.clone(), |width| fit::fit(&text, width));
     write_out(text.as_bytes())
 }
 
-/// Writes to standard output. Who has stopped reading has read enough.
+/// Writes to standard output. If the reader has closed the pipe, that is not an error.
 fn write_out(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     let opened = if is_open(1) { Ok(()) } else { Err(io::Error::other("it is closed")) };

@@ -1,4 +1,4 @@
-//! `rayo make`: meshes of any size, as mesh files or as scenes.
+//! `rayo make`: generates meshes of any size, as mesh files or scenes.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -62,7 +62,7 @@ fn share(text: &str) -> Result<f64, String> {
     share.ok_or_else(|| "expected a number from 0 to 0.9".into())
 }
 
-/// What `--json` prints.
+/// The JSON document.
 #[derive(Serialize)]
 struct Report {
     shape: String,
@@ -71,7 +71,7 @@ struct Report {
     seed: u64,
 }
 
-/// Makes the mesh.
+/// Generates and writes the mesh.
 pub fn run(args: &MakeArgs) -> Result<ExitCode, Failure> {
     let MakeArgs { shape, triangles, output, bumps, seed, json, quiet } = args;
     let to = format(output)?;
@@ -109,7 +109,8 @@ pub fn run(args: &MakeArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The mesh with the axis upwards that files of a format are taken to have: the shapes have y.
+/// The mesh rotated for a file format: generated meshes have y up, and the format may have another
+/// axis up.
 fn standing(mesh: &Mesh, format: MeshFormat) -> Mesh {
     let mut mesh = mesh.clone();
     if format == MeshFormat::Stl {

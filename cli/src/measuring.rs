@@ -1,4 +1,4 @@
-//! What the commands that measure share: files that appear whole, a progress bar, and stopping at
+//! Shared by the commands that measure: atomic writing of files, a progress bar, and stopping at
 //! the user's request.
 
 use std::fs;
@@ -16,12 +16,12 @@ use rayo::internals::plan::on_all_cores;
 use rayo::internals::scene::shown;
 use rayo_lab::experiments::lab::LabError;
 
-/// Writes a file that appears whole or not at all.
+/// Writes a file atomically: it appears with all of its content or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
     convert::write(&directory.join(name), |out| out.write_all(content))
 }
 
-/// Writes what was measured: its document first, of which the texts can be made again.
+/// Writes the results: first the JSON document, from which the texts could be made again.
 pub fn write_results<const N: usize>(
     directory: &Path,
     name: &str,
@@ -34,7 +34,7 @@ pub fn write_results<const N: usize>(
     Ok(())
 }
 
-/// Refuses a directory for results that would replace what is read.
+/// Fails if a file of results would replace one of the inputs.
 pub fn keep_results_apart(directory: &Path, names: &[&str], inputs: &[impl AsRef<Path>]) -> Result<(), Failure> {
     names.iter().try_for_each(|name| keep_apart(&directory.join(name), inputs))
 }
@@ -45,14 +45,14 @@ pub fn cores() -> Result<sys::Cores, Failure> {
     sys::Cores::of_this_thread().map_err(failed)
 }
 
-/// Pins this thread to its core, which is returned; warns if that cannot be done.
+/// Pins this thread to the core it runs on, and returns the core; warns if that is impossible.
 pub fn pin() -> Option<usize> {
     let refused = |error: &std::io::Error| say(&format!("warning: the thread is not pinned to a core: {error}"));
     sys::pin_to_this_core().inspect_err(refused).ok()
 }
 
-/// Starts the threads that compute the truth, and then pins this one to its core, so that all times
-/// are of one core. Threads that were started later would be pinned to it too.
+/// Starts the worker threads that compute exact results, and then pins this thread to its core, so
+/// that all times are of one core. Threads started later would inherit the pinning.
 pub fn start_threads_and_pin() {
     on_all_cores(0, drop);
     pin();
@@ -69,13 +69,14 @@ pub fn failure(error: LabError) -> Failure {
     }
 }
 
-/// The failure of a measurement that a signal stopped early.
+/// The failure to report if a signal stopped a measurement before it was complete.
 pub fn stopped_unless(complete: bool) -> Result<(), Failure> {
     let stopped = || Failure::stopped("stopped early: only what was finished is in the results");
     complete.then_some(()).ok_or_else(stopped)
 }
 
-/// Set when a signal asks for an end; a second one ends the process at once.
+/// Returns a flag that is set when a signal asks the process to end. A second signal ends the
+/// process at once.
 pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let seen = Arc::clone(&stop);
@@ -87,10 +88,10 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// Runs of at least so many seconds are announced.
+/// Runs of at least this many seconds are announced.
 const LONG: f64 = 10.0;
 
-/// Announces how long a run will take, if that is long, and what would be `shorter`.
+/// Announces how long a run will take, if it is long. `shorter` says how to get a shorter one.
 pub fn announce(seconds: f64, shorter: Option<&str>) {
     if seconds >= LONG {
         let shorter = shorter.map_or_else(String::new, |how| format!("; {how} is shorter"));
@@ -98,7 +99,7 @@ pub fn announce(seconds: f64, shorter: Option<&str>) {
     }
 }
 
-/// A duration in words, rounded as an estimate is.
+/// A duration in words, rounded to the precision of an estimate.
 fn duration(seconds: f64) -> String {
     if seconds < 90.0 {
         format!("{:.0} seconds", (seconds / 10.0).ceil() * 10.0)
@@ -107,20 +108,20 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A bar on standard error, if that is a terminal.
+/// A progress bar on standard error, hidden if that is no terminal.
 pub fn bar(length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
     bar.set_style(bar_style("{percent} %, {eta} left"));
     bar
 }
 
-/// A bar that takes what `rest` leaves of the line.
+/// The style of a progress bar that takes the part of the line that `rest` leaves.
 pub fn bar_style(rest: &str) -> ProgressStyle {
     ProgressStyle::with_template(&format!("{{wide_bar}} {rest}")).expect("the template is well formed")
 }
 
-/// Creates the directory for the files, which are to be written at the end of a long run: one can
-/// be now.
+/// Creates the directory for results and checks that files can be written there, before a long run
+/// starts.
 pub fn create_directory(path: &Path) -> Result<(), Failure> {
     let failed = |what: &str, error| {
         let path = shown(path);

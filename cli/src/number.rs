@@ -1,13 +1,13 @@
-//! Numbers in arguments: an error says which numbers the option takes.
+//! Parsing numbers in arguments; errors say which numbers an option accepts.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// The largest number of a count that has no limit of its own.
+/// The largest count, where an option has no other limit.
 const MOST: usize = u32::MAX as usize;
 
-/// A function that reads a whole number of this range.
+/// A parser of integers in this range.
 pub(super) fn whole<T>(range: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
 where
     T: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
@@ -18,24 +18,24 @@ where
     }
 }
 
-/// Reads a number of things, or an index, counted from 0.
+/// Parses a count or an index, from 0.
 pub(super) fn count(text: &str) -> Result<usize, String> {
     whole(0..=MOST)(text)
 }
 
-/// Reads the seed of random numbers.
+/// Parses the seed of random numbers.
 pub(super) fn seed(text: &str) -> Result<u64, String> {
     whole(0..=u64::MAX)(text)
 }
 
-/// Reads a length. Numbers that are no length, such as -1, are refused by the camera, whose error
-/// says which length it is.
+/// Parses a length. Invalid lengths, such as -1, are left to the camera, whose error names the
+/// length.
 pub(super) fn length(text: &str) -> Result<f32, &'static str> {
     single(text).ok_or("expected a number greater than 0, from 1e-45 to 3.4e38")
 }
 
-/// The number as f32; None where a finite number would become infinite, or one that is not 0 would
-/// become 0. The names of infinity and NaN are read too.
+/// A number as f32; None if a finite number would overflow to infinity, or a nonzero one underflow
+/// to 0. Also parses the names of infinity and NaN.
 pub(super) fn single(text: &str) -> Option<f32> {
     let number: f32 = text.trim().parse().ok()?;
     let significand = text.split(['e', 'E']).next().unwrap_or_default();

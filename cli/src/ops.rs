@@ -1,4 +1,4 @@
-//! `rayo ops`: instructions of every operation in every implementation, and what they cost.
+//! `rayo ops`: the instructions of every operation in every implementation, and their cycles.
 
 mod listing;
 mod markdown;
@@ -69,13 +69,13 @@ pub struct OpsArgs {
     figure: Option<PathBuf>,
 }
 
-/// Functions of the objects, as JSON.
+/// Functions of the object files, for the JSON document.
 #[derive(serde::Serialize)]
 struct Listed<T> {
     kernels: Vec<T>,
 }
 
-/// What was counted, as JSON.
+/// The JSON document of the counts.
 #[derive(serde::Serialize)]
 struct Document<'a> {
     machine: Machine,
@@ -83,7 +83,7 @@ struct Document<'a> {
     report: &'a Report,
 }
 
-/// Counts and prints.
+/// Counts, measures and prints.
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     require_assembly("to count")?;
     let (width, colour) = (terminal_width().unwrap_or(120), colour_on_stdout());
@@ -133,14 +133,15 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
             table::text(&report, !args.op.is_empty(), args.executed)
         }
     })?;
-    // Listings are for those who look for a mistake too.
+    // With --asm, wrong results do not fail the command: a listing may be wanted to find the
+    // mistake.
     match if args.asm { ops::wrong(&options).map_err(failure)? } else { Vec::new() } {
         wrong if wrong.is_empty() => Ok(ExitCode::SUCCESS),
         wrong => Err(failure(OpsError::Wrong(wrong))),
     }
 }
 
-/// The failure that says why nothing was counted.
+/// The failure for an error of counting.
 pub fn failure(error: OpsError) -> Failure {
     match error {
         OpsError::NoOperation(_) => Failure::input(error),
@@ -148,7 +149,7 @@ pub fn failure(error: OpsError) -> Failure {
     }
 }
 
-/// The implementations that are meant; none for all.
+/// The implementations that `engines` names; an empty list means all.
 fn implementations(ops: &[String], engines: &[String]) -> Result<Vec<String>, Failure> {
     let mut wanted = Vec::new();
     for engine in engines {

@@ -1,4 +1,5 @@
-//! `rayo plan`: what is kept of a scene, what is left out of it and why, and what that is worth.
+//! `rayo plan`: which parts of a scene are kept, which are omitted and why, and how much time that
+//! saves.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -19,8 +20,8 @@ use rayo::internals::scene::shown;
 use rayo_lab::experiments::ablation::{self, Ablation, Timed, plot};
 use rayo_lab::measure::MachineClock;
 
-/// The time that a measurement should take, in seconds, and in ticks where nobody knows how long
-/// they are.
+/// How long a measurement should take: in seconds, and in ticks of the clock if their frequency is
+/// unknown.
 const PATIENCE: f64 = 10.0;
 const PATIENCE_TICKS: u64 = 20_000_000_000;
 
@@ -54,13 +55,13 @@ pub struct PlanArgs {
     json: bool,
 }
 
-/// What `--json` prints.
+/// The JSON document.
 #[derive(Serialize)]
 struct PlanDocument {
     scene: String,
     engine: &'static str,
     precision: &'static str,
-    /// What a pixel is written as.
+    /// The pixel format of the output.
     output: &'static str,
     width: u32,
     height: u32,
@@ -69,7 +70,7 @@ struct PlanDocument {
     measured: Option<Ablation>,
 }
 
-/// Prints the plans, and draws what their lines are worth.
+/// Prints the plans and, with --measure, draws what their omissions save.
 pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     if args.json && args.scenes.len() > 1 {
         return Err(Failure::input("--json prints one document, of one scene: name one, or leave it out"));
@@ -78,7 +79,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::input("the plan is printed to standard output, where --figure would draw: name a file"));
     }
     keep_standard_input_whole(&args.scenes)?;
-    // Before any of them is measured.
+    // Check this before measuring, which takes long.
     args.figure.iter().try_for_each(|figure| keep_apart(figure, &args.scenes))?;
     let mut worth = Vec::new();
     for (number, path) in args.scenes.iter().enumerate() {
@@ -98,7 +99,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The plan of a scene, and what it is worth if that is asked for.
+/// The plan of a scene and, with --measure, what its omissions save.
 fn plan(args: &PlanArgs, path: &Path) -> Result<PlanDocument, Failure> {
     let (engine, precision) = args.engine.chosen()?;
     let opened = args.view.open(path, cores())?;
@@ -148,7 +149,7 @@ impl PlanDocument {
         text + &measured.as_ref().map(|measured| self.worth(measured)).unwrap_or_default()
     }
 
-    /// The table of what each line is worth.
+    /// The table of the time that each omission saves.
     fn worth(
         &self,
         Ablation { cpu, rounds, rows, cycles_per_pixel, control, keep_all, worth, .. }: &Ablation,

@@ -1,4 +1,4 @@
-//! `rayo render --preview`: a scene's picture in the terminal, traced at the terminal's own
+//! `rayo render --preview`: shows the picture of a scene in the terminal, traced at the terminal's
 //! resolution.
 
 use std::ops::Range;
@@ -13,32 +13,34 @@ use super::{Failure, colour_on_stdout, say, terminal_size, write_out};
 use rayo::internals::render::{Developed, Development, Film, Frame, PixelFormat};
 use rayo::internals::scene::{Camera, Scene};
 
-/// Columns and lines of what is no terminal.
+/// The size in characters that is assumed if standard output is no terminal.
 const PAGE: (usize, usize) = (80, 24);
-/// Lines of a terminal that are left to what is told below the picture, and to the prompt.
+/// Lines of the terminal that are left free, for messages below the picture and for the prompt.
 const BELOW: usize = 2;
-/// From dark to bright.
+/// Characters from dark to bright.
 const LETTERS: &[u8] = b" .:-=+*#%@";
 
-/// How a scene is shown.
+/// What to show of a scene, and how.
 pub struct Preview {
     pub tracing: Tracing,
     pub development: Development,
-    /// That of the picture.
+    /// The camera of the full picture.
     pub camera: Camera,
-    /// Those of the whole picture's rows that are shown.
+    /// The rows of the full picture that are shown.
     pub rows: Range<u32>,
     pub explain: bool,
     pub quiet: bool,
-    /// The scene's file, made safe to print.
+    /// The path of the scene file, made safe to print.
     pub scene_name: String,
 }
 
 impl Preview {
-    /// A terminal has few pixels, and edges need more rays than that.
+    /// The default samples per pixel and direction. A terminal has so few pixels that edges would
+    /// look ragged with fewer.
     pub const SAMPLES: u32 = 4;
 
-    /// Prints the picture of the scene, whose camera is that of the samples then.
+    /// Prints the picture of the scene. Replaces the scene's camera by the one that traces all
+    /// samples.
     pub fn show(&self, scene: &mut Scene) -> Result<(), Failure> {
         let (columns, lines) = terminal_size().map_or(PAGE, |(columns, lines)| (columns, lines.saturating_sub(BELOW)));
         let Fitted { camera, rows } = fit(&self.camera, self.rows.clone(), (columns as u32, lines as u32));
@@ -48,7 +50,7 @@ impl Preview {
         write_out(text.as_bytes())
     }
 
-    /// Red, green and blue of these rows' pixels.
+    /// The RGB values of the pixels in these rows.
     fn trace(&self, scene: &Scene, camera: &Camera, rows: Range<u32>) -> Result<Vec<[u8; 3]>, Failure> {
         let Preview { tracing, development, .. } = *self;
         let plan = tracing.plan(scene, Some(PixelFormat::F32x4))?;
@@ -72,15 +74,16 @@ impl Preview {
     }
 }
 
-/// What fits into the terminal.
+/// A picture that fits into the terminal.
 struct Fitted {
     camera: Camera,
-    /// The rows of its picture that are shown.
+    /// The rows of that picture that are shown.
     rows: Range<u32>,
 }
 
-/// The camera of a picture that fits into so many characters, each of two pixels one above the
-/// other, and its rows that show these rows of the whole. It is no larger than the whole.
+/// Scales a picture to fit into this many characters, each of which shows two pixels one above the
+/// other. The result has the camera of the scaled picture, which is never larger than the original,
+/// and the rows that correspond to `rows`.
 fn fit(camera: &Camera, rows: Range<u32>, (columns, lines): (u32, u32)) -> Fitted {
     let (most, all) = (2 * lines.max(1), rows.len() as f64);
     let scale = (f64::from(columns) / f64::from(camera.width())).min(f64::from(most) / all).min(1.0);
@@ -93,13 +96,14 @@ fn fit(camera: &Camera, rows: Range<u32>, (columns, lines): (u32, u32)) -> Fitte
     Fitted { camera, rows: first..end }
 }
 
-/// Whether the terminal has 24 bits of colour, by the custom that there is.
+/// Whether the terminal shows 24-bit colours, by the conventional variable COLORTERM.
 fn true_colour() -> bool {
     std::env::var("COLORTERM").is_ok_and(|value| ["truecolor", "24bit"].contains(&value.as_str()))
 }
 
-/// Lines of half blocks: a pixel above in the letter's colour, and the one below it in that of its
-/// ground. In the 256 colours that nearly all terminals have, unless they have all.
+/// The picture as lines of upper half blocks: the foreground colour is the upper pixel, the
+/// background colour the lower one. Colours have 24 bits, or are among the 256 that nearly all
+/// terminals have.
 fn blocks(pixels: &[[u8; 3]], width: usize, true_colour: bool) -> String {
     let colour = |&[red, green, blue]: &[u8; 3]| -> Color {
         let rgb = RgbColor(red, green, blue);
@@ -122,7 +126,7 @@ fn blocks(pixels: &[[u8; 3]], width: usize, true_colour: bool) -> String {
     text
 }
 
-/// Lines of letters, each as bright as two pixels.
+/// The picture as lines of characters, each as bright as its two pixels.
 fn letters(pixels: &[[u8; 3]], width: usize) -> String {
     // Luma of ITU-R BT.709.
     let brightness = |[red, green, blue]: [u8; 3]| {

@@ -1,4 +1,4 @@
-//! `rayo render`: a scene file in, a picture out.
+//! `rayo render`: renders scene files to pictures.
 
 mod args;
 mod name;
@@ -25,7 +25,7 @@ use rayo::internals::scene::{MovingCamera, Scene, shown};
 
 /// Renders the scenes.
 pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
-    // Before any work: what no scene can make right.
+    // Check first what is wrong with the arguments, independently of the scenes.
     let (engine, precision) = args.engine.chosen()?;
     let tracing = Tracing {
         engine,
@@ -77,8 +77,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     Ok(status)
 }
 
-/// Refuses the name of a picture in the place of a scene's, where the option before it was
-/// forgotten.
+/// Fails if a picture's name is given as a scene, where -o was probably forgotten.
 fn no_picture_is_a_scene(scenes: &[PathBuf]) -> Result<(), Failure> {
     let is_picture = |path: &&PathBuf| path.extension().is_some() && Format::from_path(path).is_ok() && !path.exists();
     scenes.iter().find(is_picture).map_or(Ok(()), |path| {
@@ -87,7 +86,7 @@ fn no_picture_is_a_scene(scenes: &[PathBuf]) -> Result<(), Failure> {
     })
 }
 
-/// The failure where several scenes are to go to one place that is no directory.
+/// The failure if the pictures of several scenes are to go to a path that is no directory.
 fn no_directory(args: &RenderArgs, directory: &Path) -> Failure {
     let (count, shown) = (args.scenes.len(), shown(directory));
     Failure::input(if is_standard_output(directory) {
@@ -102,7 +101,8 @@ fn no_directory(args: &RenderArgs, directory: &Path) -> Failure {
     })
 }
 
-/// Standard output holds one thing.
+/// Fails if --preview conflicts with another output to standard output, or with --stats when no
+/// file is written.
 fn can_be_shown(args: &RenderArgs, to_standard_output: bool) -> Result<(), Failure> {
     let problem = if to_standard_output {
         "--preview prints where the picture is to go, to standard output: name a file with -o"
@@ -116,7 +116,7 @@ fn can_be_shown(args: &RenderArgs, to_standard_output: bool) -> Result<(), Failu
     Err(Failure::input(problem))
 }
 
-/// A number for each picture, and one scene.
+/// Fails if --orbit has several scenes, or an output name without a place for the number.
 fn can_go_round(args: &RenderArgs) -> Result<(), Failure> {
     let name = args.output.as_deref().unwrap_or(Path::new(""));
     let problem = if name.to_str().is_none() {
@@ -134,7 +134,7 @@ fn can_go_round(args: &RenderArgs) -> Result<(), Failure> {
     Err(Failure::input(problem))
 }
 
-/// Renders a scene to a picture that is not among the files `read` so far, nor those `written`.
+/// Renders a scene to a picture, whose file must not be among the files `read` or `written` so far.
 fn render_one(
     args: &RenderArgs,
     scene_path: &Path,
@@ -160,7 +160,7 @@ fn render_one(
         return show(&mut scene);
     }
     let (path, format) = output(args, &scene)?;
-    // A link is the file that it points to.
+    // Compare the targets of links.
     let file = |path: &Path| path.canonicalize().unwrap_or(path.into());
     read.extend(without_links(&files));
     if written.contains(&file(&path)) {
@@ -177,7 +177,7 @@ fn render_one(
         show(&mut scene)?;
     }
     scene.camera = development.map_or(Ok(camera), |development| sampled(&camera, development))?;
-    // Before the plan: who cannot have a file need not wait for it.
+    // If signals cannot be handled, no file is written: fail before planning, which takes time.
     remove_part_files_on_signals()?;
     let engine = tracing.engine;
     if args.keep_all && !args.quiet && !engine.omissions().contains(&Omission::Misses) {

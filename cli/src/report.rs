@@ -1,4 +1,5 @@
-//! `rayo report`: all experiments, or the results of earlier ones, as one page.
+//! `rayo report`: runs all experiments, or reads the results of earlier runs, and shows them on one
+//! page.
 
 mod language;
 mod page;
@@ -43,7 +44,7 @@ pub struct ReportArgs {
     out: PathBuf,
 }
 
-/// Measures or reads, and writes the page.
+/// Runs or reads the experiments, and writes the page.
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     let mut stopped = false;
     let machines = if args.from.is_empty() {
@@ -56,7 +57,7 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
         let read = args.from.iter().map(|directory| Results::read(directory)).collect::<Result<Vec<_>, _>>();
         read.map_err(Failure::input)?
     };
-    // Figures from elsewhere that cannot be shown are bad input.
+    // If results from elsewhere cannot be drawn, the input is at fault, not the output.
     let page = page::page(&machines)
         .map_err(|failure| if args.from.is_empty() { failure } else { Failure { status: 2, ..failure } })?;
     create_directory(&args.out)?;

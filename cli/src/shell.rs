@@ -40,10 +40,10 @@ pub fn completions(args: &CompletionsArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints the page, or writes all.
+/// Prints the manual page, or writes all pages.
 pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
     let mut command = Cli::command().disable_help_subcommand(true);
-    // Names each command as it is called.
+    // `build` sets the full names of subcommands.
     command.build();
     let Some(directory) = &args.out else {
         write_out(&page(&Man::new(command))?)?;
@@ -61,6 +61,6 @@ pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
 fn page(man: &Man) -> Result<Vec<u8>, Failure> {
     let mut text = Vec::new();
     man.render(&mut text).map_err(Failure::output)?;
-    // What stands below the help of a command has no name there.
+    // clap_mangen gives the text below a command's help no proper heading.
     Ok(String::from_utf8_lossy(&text).replace(".SH EXTRA\nExamples:\n", ".SH EXAMPLES\n").into_bytes())
 }

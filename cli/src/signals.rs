@@ -1,34 +1,35 @@
-//! What ends the program from outside: signals, and the exit status after them.
+//! Signals that end the program, and the exit status after them.
 
 use std::io;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// The exit status after an end that was asked for: 128 and the number of the signal, as shells
-/// have it. Ctrl-C until one came.
+/// The exit status after a signal: 128 plus the number of the signal, as in shells. SIGINT's until
+/// one is received.
 static STATUS: AtomicU8 = AtomicU8::new(130);
 
-/// The exit status after the signal that was heard.
+/// The exit status after the received signal.
 pub fn status() -> u8 {
     STATUS.load(Ordering::Relaxed)
 }
 
-/// Ends the process as the signal that was heard would.
+/// Ends the process with the exit status of the received signal.
 pub fn exit() -> ! {
     std::process::exit(status().into())
 }
 
-/// The same from main.
+/// The exit status of the received signal, for `main` to return.
 pub fn code() -> ExitCode {
     ExitCode::from(status())
 }
 
-/// Has `heard` called whenever SIGHUP, SIGINT, SIGQUIT, SIGTERM or SIGXCPU (Ctrl-C on Windows) asks
-/// for an end, in a thread of its own. Those that somebody has had ignored (a job in the
-/// background, nohup) stay ignored. Without a thread, all are as they were, and that is told.
+/// Calls `heard`, in a thread of its own, whenever SIGHUP, SIGINT, SIGQUIT, SIGTERM or SIGXCPU
+/// (Ctrl-C on Windows) asks the process to end. Signals that the parent process made it ignore (for
+/// a background job, or by nohup) stay ignored. If no thread can be started, signals keep their
+/// default effect, and a note says so.
 ///
 /// # Errors
-/// What the system says if they cannot be heard.
+/// The system's error, if it refuses the handlers.
 pub fn listen(heard: impl FnMut() + Send + 'static) -> io::Result<()> {
     start(heard).map_err(|error| io::Error::new(error.kind(), format!("cannot listen for signals: {error}")))
 }
@@ -44,7 +45,8 @@ fn start(mut heard: impl FnMut() + Send + 'static) -> io::Result<()> {
     use rayo::internals::kernels::sys::{is_ignored, new_thread};
 
     let listened = [SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXCPU].into_iter().filter(|signal| !is_ignored(*signal));
-    // Signals that nobody hears would be lost: the thread is there first.
+    // Start the thread before registering the signals, which would otherwise be lost if it cannot
+    // start.
     let (give, take) = mpsc::channel::<Signals>();
     let listening = new_thread().and_then(|thread| {
         thread.spawn(move || {
@@ -66,11 +68,11 @@ fn start(heard: impl FnMut() + Send + 'static) -> io::Result<()> {
     ctrlc::set_handler(heard).map_err(io::Error::other)
 }
 
-/// After this call a write beyond the limit on a file's size (RLIMIT_FSIZE) fails with an error, as
-/// a write to a full disk does; without it, SIGXFSZ ends the process.
+/// After this call, a write beyond the limit of file sizes (RLIMIT_FSIZE) fails with an error, as
+/// on a full disk; by default SIGXFSZ would end the process.
 pub fn survive_file_size_limit() {
     #[cfg(unix)]
-    // Nobody reads the flag: the failed write itself reports the error. If the handler cannot be
-    // registered, the signal ends the process as before.
+    // The flag is never read: the failed write reports the error. If the handler cannot be
+    // registered, the default stays.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Default::default());
 }

@@ -1,4 +1,5 @@
-//! `rayo stability`: stiff and extreme scenes, engine by engine, against checked-in limits.
+//! `rayo stability`: ill-conditioned and extreme scenes, traced by every engine and checked against
+//! limits in the repository.
 
 mod markdown;
 mod table;
@@ -64,8 +65,8 @@ pub struct StabilityArgs {
     json: bool,
 }
 
-/// Sweeps every family, one after the other, and calls `proceed` after each level until that
-/// returns false; then measures the rest.
+/// Sweeps the families one after the other. Calls `proceed` after each level, and ends when that
+/// returns false. Then measures costs and operations.
 pub fn sweep(settings: &Settings, mut proceed: impl FnMut() -> bool) -> Result<StabilityReport, Failure> {
     let (mut families, mut complete) = (Vec::new(), true);
     for family in &settings.families {
@@ -78,7 +79,7 @@ pub fn sweep(settings: &Settings, mut proceed: impl FnMut() -> bool) -> Result<S
     StabilityReport::new(settings, complete, families).map_err(Failure::input)
 }
 
-/// Sweeps, prints and writes.
+/// Sweeps, prints the result and writes the files.
 pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
     let settings = settings(args)?;
     let results = ["stability.md", "limits.csv", "stability.svg", "results.json"];
@@ -105,7 +106,7 @@ pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
     Ok(verdict)
 }
 
-/// Reports the limits that are not kept, with the commands that repeat the cases.
+/// Reports exceeded limits, with the commands that repeat the cases.
 fn verdict(document: &StabilityReport) -> ExitCode {
     for row in document.rows.iter().filter(|row| !row.holds) {
         let why: Vec<_> = row.broken.iter().map(|broken| broken.why.as_str()).collect();

@@ -1,4 +1,4 @@
-//! `rayo step`: one ray, or one operation, instruction by instruction.
+//! `rayo step`: follows one ray, or one operation, instruction by instruction.
 
 mod html;
 pub mod text;
@@ -18,7 +18,7 @@ use rayo::internals::render::{Engine, Precision};
 use rayo::internals::scene::shown;
 use rayo_lab::experiments::step::{self, Ray, WatchError};
 
-/// The arguments that belong to a ray through a scene, which `--op` excludes.
+/// The arguments for a ray through a scene, which --op excludes.
 const OF_A_RAY: [&str; 19] = [
     "scene",
     "pixel",
@@ -103,7 +103,7 @@ pub struct StepArgs {
     view: ViewArgs,
 }
 
-/// A column and a row.
+/// A column and a row of a picture.
 #[derive(Clone, Copy, Debug)]
 struct Pixel(u32, u32);
 
@@ -117,7 +117,7 @@ impl FromStr for Pixel {
     }
 }
 
-/// Up to three numbers.
+/// A vector of up to three numbers.
 #[derive(Clone, Debug)]
 struct Vector(Vec<f32>);
 
@@ -133,7 +133,7 @@ impl FromStr for Vector {
     }
 }
 
-/// Watches and prints.
+/// Follows the ray or the operation, and prints.
 pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     require_assembly("to watch")?;
     let failure = |error: WatchError| match error {
@@ -167,8 +167,9 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
         names.dedup();
         return Err(Failure::input(format!("no macro `{only}` was called here; there were: {}", names.join(", "))));
     }
-    // The model and the CPU agree, or nothing that follows from the model is to be believed; and
-    // the kernel is right.
+    // The command succeeds only if the model of instructions agreed with the CPU everywhere
+    // (otherwise nothing that follows from the model is reliable) and if the kernel's result is
+    // right.
     let is_fine = watched.unknown == 0 && watched.failure.is_none();
     let verdict = if is_fine { ExitCode::SUCCESS } else { ExitCode::from(1) };
     if let Some(path) = &args.html {

@@ -1,21 +1,21 @@
-//! Tables in Markdown that read well as they are.
+//! Markdown tables that are readable as plain text.
 
 use std::fmt::Write as _;
 
 use maud::{Markup, html};
 
-/// A column of a table that has a row for each `T`: its head, and what is in a cell.
+/// A column of a table whose rows are `T`s: the heading, and the text of a cell.
 pub type Column<T> = (&'static str, fn(&T) -> String);
 
-/// A line of the heads, and one for each row.
+/// A CSV: a line of headings, and one for each row.
 pub fn csv<T>(columns: &[Column<T>], rows: &[T]) -> String {
     let heads = columns.iter().map(|(head, _)| (*head).to_owned()).collect::<Vec<_>>();
     let cells = |row: &T| columns.iter().map(|(_, cell)| cell(row)).collect();
     [heads].into_iter().chain(rows.iter().map(cells)).map(|cells| cells.join(",") + "\n").collect()
 }
 
-/// A table in Markdown whose columns are as wide as they need to be; all but the first `left` are
-/// aligned to the right.
+/// A Markdown table whose columns are as wide as their content; the first `left` columns are
+/// aligned to the left, the others to the right.
 pub struct Table {
     left: usize,
     head: Vec<String>,
@@ -34,7 +34,7 @@ impl Table {
         table
     }
 
-    /// As a part of a page; the first cell of a row is its head.
+    /// The table as HTML; the first cell of each row is its heading.
     pub fn html(&self) -> Markup {
         let class = |place: usize| if place < self.left { "left" } else { "number" };
         html! {
@@ -58,13 +58,13 @@ impl Table {
     /// Adds a row.
     ///
     /// # Panics
-    /// If it has not as many cells as the head.
+    /// If it has another number of cells than the heading.
     pub fn row(&mut self, cells: Vec<String>) {
         assert_eq!(cells.len(), self.head.len());
         self.rows.push(cells);
     }
 
-    /// The same table with so many columns aligned to the left.
+    /// The table with this many columns aligned to the left.
     pub fn left(self, left: usize) -> Self {
         Table { left, ..self }
     }
@@ -93,7 +93,7 @@ impl Table {
         text
     }
 
-    /// The same for who sees it laid out, its cells as wide as what is in them.
+    /// The table without padding, for readers who see the Markdown rendered.
     pub fn compact(&self) -> String {
         let line = |cells: &Vec<String>| format!("| {} |\n", cells.join(" | "));
         let dashes = (0..self.head.len()).map(|i| if i < self.left { "---|" } else { "--:|" });
@@ -102,7 +102,7 @@ impl Table {
     }
 }
 
-/// Words, with code between backticks.
+/// Text with code between backticks, as HTML.
 pub(super) fn words(text: &str) -> Markup {
     html! { @for (i, piece) in text.split('`').enumerate() { @if i % 2 == 0 { (piece) } @else { code { (piece) } } } }
 }

@@ -1,15 +1,16 @@
-//! Tips in errors about arguments: our name of an option, what an option belongs to, and examples.
+//! Tips in errors about arguments: what an option of other programs is called here, what an option
+//! is for, and examples.
 
 use clap::CommandFactory;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use super::Cli;
 
-/// An option that a command has in place of those of other programs.
+/// An option that corresponds to options of other programs.
 struct Counterpart {
-    /// What other programs call it.
+    /// Its names in other programs.
     others: &'static [&'static str],
-    /// Its long name here: commands without it get no such tip.
+    /// Its long name here; commands that lack it do not give the tip.
     option: &'static str,
     tip: &'static str,
 }
@@ -57,15 +58,15 @@ const COUNTERPARTS: [Counterpart; 8] = [
     },
 ];
 
-/// An option of some commands that excludes others.
+/// An option of some commands that excludes other options.
 struct Exclusive {
     commands: &'static [&'static str],
     option: &'static str,
-    /// What the excluded options belong to.
+    /// What the excluded options are for.
     tip: &'static str,
 }
 
-/// The commands with the options of `view.rs`.
+/// The commands that have the options of `view.rs`.
 const OF_A_VIEW: &[&str] = &["render", "plan", "step", "convert"];
 
 const EXCLUSIVE: [Exclusive; 20] = [
@@ -177,8 +178,8 @@ const EXCLUSIVE: [Exclusive; 20] = [
     },
 ];
 
-/// The tip where two of a command's options exclude each other. The error names each with its
-/// value, as in `--a <X,Y,Z>`: the first word is the option.
+/// The tip for two options of a command that exclude each other. The error names each with its
+/// value, as in `--a <X,Y,Z>`; the first word is the option.
 fn tip_of_exclusion(command: &str, error: &clap::Error) -> Option<&'static str> {
     let named = [ContextKind::InvalidArg, ContextKind::PriorArg].into_iter().filter_map(|kind| error.get(kind));
     let named: Vec<&str> = named
@@ -193,7 +194,7 @@ fn tip_of_exclusion(command: &str, error: &clap::Error) -> Option<&'static str> 
     EXCLUSIVE.iter().find(is_meant).map(|exclusive| exclusive.tip)
 }
 
-/// Adds tips to clap's error about these arguments, whose first is the program's name.
+/// Adds tips to clap's error about these arguments, of which the first is the name of the program.
 pub fn add_tips(error: &mut clap::Error, mut arguments: impl Iterator<Item = String>) {
     let cli = Cli::command();
     let Some(command) = arguments.nth(1).and_then(|name| cli.find_subcommand(name).cloned()) else { return };

@@ -1,5 +1,5 @@
-//! How a scene is read, and the options that change how it is seen: shared by all commands that
-//! take one.
+//! The options for the camera and for models without a scene file, and reading a scene with them.
+//! Shared by all commands that take a scene.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -76,7 +76,7 @@ pub struct ViewArgs {
     shadows: bool,
 }
 
-/// A place or a direction in the world.
+/// A point or a direction in the world.
 #[derive(Clone, Copy, Debug)]
 struct Place(DVec3);
 
@@ -92,7 +92,7 @@ impl FromStr for Place {
     }
 }
 
-/// What points upwards: a direction in the world, or an axis.
+/// The upward direction: a vector in the world, or an axis of a file.
 #[derive(Clone, Copy, Debug)]
 enum Up {
     Direction(DVec3),
@@ -112,7 +112,7 @@ impl FromStr for Up {
     }
 }
 
-/// A direction, which is not 0.
+/// A direction; not the zero vector.
 #[derive(Clone, Copy, Debug)]
 struct Direction(DVec3);
 
@@ -164,9 +164,9 @@ impl FromStr for Size {
 }
 
 impl Size {
-    /// Width and height, of which the one that is not given keeps the shape of `camera`.
+    /// Width and height; if only one is given, the other keeps the aspect ratio of `camera`.
     fn of(self, camera: &Camera) -> (u32, u32) {
-        // To the nearest, and 1 at least; what is too large stays too large.
+        // Rounded to nearest, but at least 1. Too large values saturate and are rejected later.
         let other = |side: u32, of: u32, to: u32| {
             let doubled = 2 * u64::from(side) * u64::from(to) / u64::from(of);
             u32::try_from(doubled.div_ceil(2)).unwrap_or(u32::MAX).max(1)
@@ -180,12 +180,12 @@ impl Size {
 }
 
 impl ViewArgs {
-    /// Whether objects are to cast shadows.
+    /// Whether --shadows is given.
     pub(super) fn shadows(&self) -> bool {
         self.shadows
     }
 
-    /// `camera` with what the arguments replace.
+    /// `camera` with the changes that the arguments ask for.
     pub(super) fn camera(&self, camera: &Camera) -> Result<Camera, Failure> {
         let (width, height) = self.size.unwrap_or(Size::Both(camera.width(), camera.height())).of(camera);
         let focal = self.focal.unwrap_or(camera.focal());
@@ -194,7 +194,7 @@ impl ViewArgs {
         self.fov.map_or(Ok(camera), |fov| camera.with_field_of_view(fov)).map_err(Failure::input)
     }
 
-    /// What is asked of a file that has no camera.
+    /// The options for files without a camera.
     pub(super) fn model_options(&self) -> Result<ModelOptions, Failure> {
         Ok(ModelOptions {
             camera: self.camera(&Camera::default())?,
@@ -209,7 +209,7 @@ impl ViewArgs {
         })
     }
 
-    /// Refuses options that have no meaning for a file of this name.
+    /// Fails if an option does not apply to a file with this name.
     pub(super) fn suit(&self, path: &Path) -> Result<(), Failure> {
         let format = SceneFormat::from_path(path);
         let is_scene = !matches!(format, Some(SceneFormat::Mesh(_) | SceneFormat::Cloud(_)));
@@ -229,7 +229,7 @@ impl ViewArgs {
         })
     }
 
-    /// The first of the options that is given, by its name.
+    /// The name of the first of the options that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
         let all = [
             ("--film", self.film.is_some()),
@@ -250,15 +250,15 @@ impl ViewArgs {
         all.iter().find(|(_, is_given)| *is_given).map(|(name, _)| *name)
     }
 
-    /// The scene as it is to be seen.
+    /// The scene with the camera and shadows that the arguments ask for.
     pub(super) fn seen(&self, mut scene: Scene) -> Result<Scene, Failure> {
         scene.camera = self.camera(&scene.camera)?;
         scene.shadows |= self.shadows;
         Ok(scene)
     }
 
-    /// The scene of a file, read by up to so many threads; one that has no camera gets one of
-    /// these.
+    /// Reads the scene of a file with up to this many threads. A file without a camera gets one by
+    /// the arguments.
     pub(super) fn open(&self, path: &Path, threads: usize) -> Result<Opened, Failure> {
         self.suit(path)?;
         let opened = scene::open_with(path, &ModelOptions { threads, ..self.model_options()? });
@@ -270,11 +270,12 @@ impl ViewArgs {
         Ok(opened)
     }
 
-    /// Where the arguments place the camera, which is otherwise as in the scene; None if they leave
-    /// it there.
+    /// The view that the arguments ask for; what they do not give is as in the scene's `own` view.
+    /// None if they change nothing.
     pub(super) fn view(&self, path: &Path, own: View) -> Option<View> {
         let or_own = |given: Option<Place>, own: DVec3| given.map_or(own, |Place(place)| place);
-        // The axis of a file alone has been that of its placement in the world.
+        // For a model without a scene file, an axis has been used as the file's upward axis
+        // already.
         let is_alone = matches!(SceneFormat::from_path(path), Some(SceneFormat::Mesh(_) | SceneFormat::Cloud(_)));
         let up = match self.up {
             Some(Up::Direction(up)) => Some(up),
@@ -290,16 +291,15 @@ impl ViewArgs {
     }
 }
 
-/// The scene, when all has been told of how it came to be, unless `quiet`, and of what is hardly
-/// meant in it.
+/// Prints the warnings about a scene and, unless `quiet`, its notes; returns the scene.
 pub(super) fn tell(Opened { scene, notes, warnings, .. }: Opened, quiet: bool) -> Scene {
     notes.iter().filter(|note| !quiet && is_new(note)).for_each(|note| say(&format!("note: {note}")));
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     scene
 }
 
-/// Whether this note has not been told yet: what is said of no file in particular is true of all
-/// that this call reads.
+/// Whether a note has not been printed before: notes that name no file apply to all files that are
+/// read.
 fn is_new(note: &str) -> bool {
     static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
     TOLD.lock().unwrap_or_else(PoisonError::into_inner).insert(note.to_owned())

@@ -1,4 +1,4 @@
-//! `rayo view`: starts `rayo-view`, the program that opens windows, which is a package of its own.
+//! `rayo view`: starts `rayo-view`, the program with the window, which is a separate package.
 
 use std::env::consts::EXE_SUFFIX;
 use std::ffi::OsString;
@@ -29,7 +29,7 @@ pub struct WindowArgs {
 pub fn run(args: &WindowArgs) -> Result<ExitCode, Failure> {
     let name = PathBuf::from(format!("rayo-view{EXE_SUFFIX}"));
     let beside = std::env::current_exe().map(|this| this.with_file_name(&name)).ok().filter(|path| path.is_file());
-    // Otherwise the system looks for it on the path.
+    // If it is not in this program's directory, the system searches PATH.
     let mut command = Command::new(beside.unwrap_or(name));
     start(command.args(&args.arguments)).map_err(|error| match error.kind() {
         ErrorKind::NotFound => Failure::output(
@@ -47,7 +47,7 @@ fn start(command: &mut Command) -> io::Result<ExitCode> {
     Err(command.exec())
 }
 
-/// Runs the program, and ends with its status.
+/// Runs the program and ends with its exit status.
 #[cfg(not(unix))]
 fn start(command: &mut Command) -> io::Result<ExitCode> {
     let status = command.status()?;

@@ -1,4 +1,4 @@
-//! The document docs/results/accuracy.md.
+//! The page docs/results/accuracy.md.
 
 use super::table::{number, plain_table, reasons, summary_table};
 use crate::essay::{absent_engines, part};
@@ -7,11 +7,11 @@ use rayo_lab::experiments::accuracy::summary::summaries;
 use rayo_lab::experiments::accuracy::{Accuracy, AccuracyReport, Who};
 use rayo_lab::families::{FAMILIES, Family};
 
-/// What stands before the tables, no word of which depends on the machine, and before that of plain
-/// formulas.
+/// The text before the tables, and the text before the table of plain formulas. It must not depend
+/// on the machine that was measured.
 const EXPLANATION: &str = include_str!("explanation.md");
 
-/// All of it.
+/// The whole page.
 pub(super) fn text(document: &AccuracyReport) -> String {
     let rows = &document.rows;
     let mut text = part(EXPLANATION, "the page").to_owned();
@@ -47,8 +47,8 @@ pub(super) fn text(document: &AccuracyReport) -> String {
     text + "\n" + &table.compact()
 }
 
-/// The columns: the paper's two, plain Rust, the reference, and packets whose arithmetic most CPUs
-/// have.
+/// The columns of the table: the paper's two programs, plain Rust, the reference, and packets with
+/// the most widespread instruction set.
 const COLUMNS: [(&str, &str); 7] = [
     ("c", "single"),
     ("paper", "single"),

@@ -1,12 +1,12 @@
-//! The tables of `rayo accuracy`: each scene row by row, all scenes together, and everything as
-//! CSV.
+//! The tables of `rayo accuracy`: one of all rows for each scene, one that summarises all scenes,
+//! and everything as CSV.
 
 use crate::table::{Column, Table};
 use rayo_lab::experiments::accuracy::plain::AgainstPlain;
 use rayo_lab::experiments::accuracy::summary::{Reason, Summary, summaries};
 use rayo_lab::experiments::accuracy::{Accuracy, AccuracyReport, Who};
 
-/// A number in three digits; – where there is none.
+/// A number with three digits; – for None.
 pub(super) fn number(x: Option<f64>) -> String {
     match x {
         None => "–".into(),
@@ -19,7 +19,7 @@ pub(super) fn number(x: Option<f64>) -> String {
     }
 }
 
-/// A cell of the tables.
+/// A table cell by its kind of content.
 enum Cell<'a> {
     Name(&'a str),
     Word(&'a str),
@@ -27,13 +27,13 @@ enum Cell<'a> {
     Figure(Option<f64>),
     Decibels(Option<f64>),
     Share(f64),
-    /// Nanoseconds, for people microseconds.
+    /// Nanoseconds; the tables for people show microseconds.
     SetUp(f64),
     Front(bool),
 }
 
 impl Cell<'_> {
-    /// As text for people.
+    /// The cell in a table for people.
     fn text(&self) -> String {
         match *self {
             Cell::Name(text) | Cell::Word(text) => text.into(),
@@ -46,7 +46,7 @@ impl Cell<'_> {
         }
     }
 
-    /// As CSV, with all digits.
+    /// The cell in the CSV, with all digits.
     fn csv(&self) -> String {
         match *self {
             Cell::Name(name) => format!("\"{}\"", name.replace('"', "\"\"")),
@@ -58,8 +58,8 @@ impl Cell<'_> {
     }
 }
 
-/// A column: its name in the CSV, its head in the table of a scene, where it is in that, and its
-/// cells.
+/// A column: its name in the CSV, its heading in the table of a scene (None if that table lacks the
+/// column), and the content of its cells.
 type CellOf = (&'static str, Option<&'static str>, fn(&Accuracy) -> Cell<'_>);
 
 const COLUMNS: [CellOf; 37] = [
@@ -102,7 +102,7 @@ const COLUMNS: [CellOf; 37] = [
     ("front", Some("front"), |row| Cell::Front(row.front)),
 ];
 
-/// One scene: every row, those of the front marked.
+/// The table of one scene with all its rows; rows on the Pareto front are marked.
 fn scene_table(rows: &[Accuracy]) -> String {
     let columns = || COLUMNS.iter().filter_map(|(_, head, cell)| Some(((*head)?, cell)));
     let mut table = Table::new(4, columns().map(|(head, _)| head));
@@ -110,7 +110,7 @@ fn scene_table(rows: &[Accuracy]) -> String {
     table.text()
 }
 
-/// The CSV: a line for each row.
+/// The CSV, with a line for each row.
 pub(super) fn csv(document: &AccuracyReport) -> String {
     let line = |cells: Vec<String>| cells.join(",") + "\n";
     let heads = line(COLUMNS.map(|(name, ..)| name.to_owned()).to_vec());
@@ -118,7 +118,7 @@ pub(super) fn csv(document: &AccuracyReport) -> String {
     heads + &rows.collect::<String>()
 }
 
-/// The table of all scenes together.
+/// The table that summarises all scenes.
 pub(super) fn summary_table(summaries: &[Summary]) -> String {
     let columns: [Column<Summary>; 12] = [
         ("engine", |all| all.who.engine.to_string()),
@@ -137,7 +137,7 @@ pub(super) fn summary_table(summaries: &[Summary]) -> String {
     Table::of(4, &columns, summaries).text()
 }
 
-/// What robust formulas take by what plain ones do.
+/// The run times of robust formulas relative to those of plain ones.
 pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
     let columns: [Column<AgainstPlain>; 6] = [
         ("scene", |pair| pair.scene.clone()),
@@ -150,9 +150,10 @@ pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
     Table::of(2, &columns, pairs).text()
 }
 
-/// The sentences why those stay that are on no front, one after those that it is of.
+/// Why engines that are on no Pareto front are kept: one line per reason, with the engines it
+/// applies to.
 pub(super) fn reasons(reasons: &[Reason]) -> String {
-    // An engine with its option, and in which precisions and outputs.
+    // An engine with its option, and its combinations of precision and output.
     type Entry = (String, Vec<String>);
     let mut of: Vec<(&str, Vec<Entry>)> = Vec::new();
     for Reason { who: Who { engine, precision, option, output }, reason } in reasons {
@@ -173,7 +174,7 @@ pub(super) fn reasons(reasons: &[Reason]) -> String {
         .collect()
 }
 
-/// What is printed: each scene if there are few, and all of them together.
+/// The printed text: with `each` a table for each scene, and the summary of all scenes.
 pub(super) fn text(document: &AccuracyReport, each: bool) -> String {
     let mut text = String::new();
     let scenes = document.rows.chunk_by(|a, b| a.scene == b.scene);

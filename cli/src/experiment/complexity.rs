@@ -1,4 +1,4 @@
-//! `rayo experiment --complexity`: the tables, and the files.
+//! `rayo experiment --complexity`: its tables and files.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -19,8 +19,8 @@ use rayo_lab::experiments::svg::Screen;
 use rayo_lab::experiments::sweeps::Axis;
 use rayo_lab::measure::Clock;
 
-/// Measures every line, one after the other, and calls `proceed` after each picture until that
-/// returns false.
+/// Measures every line of the figures, one after the other. Calls `proceed` after each picture, and
+/// ends when that returns false.
 pub fn measure(
     settings: &Settings,
     clock: &mut impl Clock,
@@ -73,7 +73,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     Err(interrupted(&format!("{} pictures", document.rows.len()), &args.out))
 }
 
-/// docs/results/complexity.md.
+/// The page docs/results/complexity.md.
 fn page(document: &Complexity) -> String {
     let Complexity { machine, runs, .. } = document;
     let megahertz = machine.tsc_hz.map_or("?".into(), |hz| format!("{:.0}", hz / 1e6));
@@ -90,7 +90,7 @@ fn page(document: &Complexity) -> String {
     prose("complexity", &figures) + &tables(document)
 }
 
-/// A part of the explanation, with its figures.
+/// A part of the explanation with its figures filled in.
 fn prose(name: &str, figures: &[(&str, String)]) -> String {
     filled(part(EXPLANATION, name), |what| {
         let figure = figures.iter().find(|(of, _)| *of == what);
@@ -102,7 +102,7 @@ fn tables(document: &Complexity) -> String {
     [pixels(document), objects(document), lights(document)].concat()
 }
 
-/// 12.3, 1.23, 0.123: three digits.
+/// A number with three digits: 12.3, 1.23, 0.123.
 fn digits(x: f64) -> String {
     match x {
         x if x >= 100.0 => format!("{x:.0}"),
@@ -115,7 +115,7 @@ fn of_axis(document: &Complexity, axis: Axis) -> Vec<Vec<&Growth>> {
     lines(&document.rows).into_iter().filter(|line| line[0].axis == axis).collect()
 }
 
-/// A row for each count, and a column for each of `lines`.
+/// A table with a row for each count and a column for each line of the figure.
 fn counts<'a>(
     head: &str,
     lines: &[Vec<&'a Growth>],
@@ -135,7 +135,7 @@ fn counts<'a>(
     table.text()
 }
 
-/// The sphere in every size, and by how much the cost of a pixel changes.
+/// The sphere in every picture size, and by how much the time per pixel changes.
 fn pixels(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Pixels);
     if lines.is_empty() {
@@ -154,7 +154,7 @@ fn pixels(document: &Complexity) -> String {
     text + "\n"
 }
 
-/// Spheres, triangles and meshes of more and more of them.
+/// The times with more and more spheres, triangles, and triangles of meshes.
 fn objects(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Objects);
     let Some(first) = lines.first() else { return String::new() };
@@ -202,7 +202,7 @@ fn lights(document: &Complexity) -> String {
     text
 }
 
-/// Every contestant in every picture.
+/// A CSV line for each engine in each picture.
 fn csv(document: &Complexity) -> String {
     let columns: [Column<Growth>; 11] = [
         ("axis", |row| row.axis.name().into()),

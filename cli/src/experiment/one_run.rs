@@ -1,4 +1,4 @@
-//! A run of the experiment in a process of its own: how it is started, and what that process does.
+//! A run of the experiment in a process of its own: starting the process, and what it does.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::ops::Range;
@@ -15,25 +15,25 @@ use rayo_lab::experiments::ladder::{self, Rounds};
 use rayo_lab::experiments::speedup::{self, Settings};
 use rayo_lab::measure::MachineClock;
 
-/// What the process prints, a line of JSON each.
+/// What the process prints: a line of JSON for each message.
 #[derive(Serialize, Deserialize)]
 pub(super) enum Message {
-    /// A size of the table.
+    /// The times of all engines at one size.
     Size(Vec<Turn>),
-    /// The rounds of the ladder, after all sizes.
+    /// The times of the ladder's rounds, after all sizes.
     Rungs(Rounds),
 }
 
-/// What the process does: prints each [`Message`] as soon as it is measured.
+/// Performs run `number` in this process: prints each [`Message`] as soon as it is measured.
 pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, Failure> {
-    // It ends with the process that started it, however that ends.
+    // Have this process killed when its parent ends, however that ends.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL));
     let settings = args.settings()?;
     let mut clock = MachineClock::counter().ok_or_else(no_clock)?;
     let cores = cores()?;
     if let Some(core) = args.core {
-        // Who started this one knows whether it can be done.
+        // The parent has tried pinning and warned if it is impossible.
         let _ = sys::pin_to(core);
     }
     let mut out = io::stdout().lock();
@@ -53,8 +53,8 @@ pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Starts the process of a run with its rounds of the ladder, which stays on `core`, and waits for
-/// it. `hear` gets each message; where it says no, the process is ended.
+/// Starts a process for a run with its rounds of the ladder, pinned to `core`, and waits for it.
+/// `hear` gets each message; if it returns false, the process is killed.
 pub(super) fn in_own_process(
     args: &ExperimentArgs,
     settings: &Settings,
@@ -97,7 +97,8 @@ fn start(
         }
     }
     command.stdin(Stdio::null()).stdout(Stdio::piped());
-    // Ctrl-C is for this process, which ends the other.
+    // In a process group of its own, the child does not receive Ctrl-C: the parent handles it and
+    // kills the child.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn()?;
@@ -105,7 +106,7 @@ fn start(
     Ok(Process { child, messages })
 }
 
-/// A process that ends with its owner.
+/// A child process that is killed when this is dropped.
 struct Process {
     child: Child,
     messages: BufReader<ChildStdout>,
@@ -113,7 +114,7 @@ struct Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // Killing fails if the process has ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

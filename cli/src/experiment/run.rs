@@ -1,4 +1,4 @@
-//! Runs the experiment part by part, shows how far it is, and writes its files.
+//! Runs the stages of the experiment, shows progress, and writes the files.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -22,8 +22,8 @@ use rayo_lab::experiments::svg::Screen;
 use rayo_lab::experiments::{jumps, ladder, plot, sweeps};
 use rayo_lab::measure::{Machine, MachineClock};
 
-/// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few
-/// that the claims need.
+/// The least number of rounds of the ladder, over all runs: with --ladder, and without it, where
+/// only the rungs that the claims need are timed.
 const LADDER_ROUNDS: usize = 250;
 const FEW_ROUNDS: usize = 25;
 
@@ -51,19 +51,19 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     Err(interrupted(&kept, &args.out))
 }
 
-/// The failure after Ctrl-C, which says what is kept.
+/// The failure after Ctrl-C; it says what has been kept.
 pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
     Failure::stopped(format!("stopped early: {kept} are finished and kept in {}", shown(directory)))
 }
 
-/// What every measurement needs; it is made once the arguments are known to be good.
+/// What every measurement needs, prepared after the arguments have been checked.
 pub struct Prepared {
     pub clock: MachineClock,
     pub stop: Arc<AtomicBool>,
     pub machine: Machine,
     /// The cores that threads may run on.
     pub cores: sys::Cores,
-    /// The one that this thread stays on.
+    /// The core that this thread is pinned to.
     pub core: Option<usize>,
 }
 
@@ -75,7 +75,7 @@ pub fn prepare() -> Result<Prepared, Failure> {
     Ok(Prepared { clock, stop, machine, cores, core: pin() })
 }
 
-/// Rounds of the rungs in a run.
+/// The number of rounds of the ladder in each run.
 fn rounds(args: &ExperimentArgs, settings: &Settings) -> usize {
     match (args.ladder, args.runs) {
         (true, Some(_)) => 1,
@@ -84,13 +84,13 @@ fn rounds(args: &ExperimentArgs, settings: &Settings) -> usize {
     }
 }
 
-/// The work that [`measure`] does.
+/// The amount of work that [`measure`] does, as [`Progress`] counts it.
 pub fn work(args: &ExperimentArgs, settings: &Settings) -> u64 {
     let of_rungs = (settings.runs * rounds(args, settings)) as u64 * ladder::WORK;
     settings.work() + of_rungs + jumps::work(args.quick) + sweeps::work(args.quick)
 }
 
-/// The parts one after the other, until `proceed` says no.
+/// Measures the stages one after the other, until `proceed` returns false.
 pub fn measure(
     args: &ExperimentArgs,
     settings: &Settings,
@@ -146,16 +146,16 @@ pub fn measure(
     Ok(document)
 }
 
-/// What the processes of the runs measured.
+/// What the processes of all runs measured.
 #[derive(Default)]
 struct Measured {
     sizes: Vec<speedup::Run>,
     rungs: Vec<ladder::Rounds>,
-    /// All that was timed.
+    /// The time that was measured, in ticks of the clock.
     ticks: u64,
 }
 
-/// Each run, with so many rounds of the ladder, by a process of its own.
+/// Performs each run in a process of its own, with `rounds` rounds of the ladder each.
 fn runs(
     args: &ExperimentArgs,
     settings: &Settings,

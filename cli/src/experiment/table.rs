@@ -1,4 +1,4 @@
-//! The tables of the experiment, in Markdown that reads well as it is, and as CSV.
+//! The tables of the experiment, in Markdown that is readable as plain text, and as CSV.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use rayo_lab::experiments::speedup::{BASELINE, CONTROL, PAPER, PaperRow, Timing,
 use rayo_lab::measure::OFF_BY_MAD;
 use rayo_lab::measure::statistics::Estimate;
 
-/// Its prose.
+/// The prose of the page.
 pub(super) const EXPLANATION: &str = include_str!("explanation.md");
 
 fn cores_in_words(cores: usize) -> String {
@@ -25,7 +25,7 @@ fn interval(estimate: &Estimate) -> String {
     format!("{:.3} [{:.3}, {:.3}]", estimate.value, estimate.low, estimate.high)
 }
 
-/// The text above the table: what was measured where, and how far it can be trusted.
+/// The text above the table: what was measured on which machine, and how reliable it is.
 pub(super) fn preamble(document: &Experiment) -> String {
     let unknown = || "unknown".to_owned();
     let facts: String = document.machine.facts().map(|(name, value)| format!("- {name}: {value}\n")).collect();
@@ -58,7 +58,7 @@ pub(super) fn preamble(document: &Experiment) -> String {
     text
 }
 
-/// C/SIMD over all sizes, beside the paper's.
+/// The speedup C/SIMD over all sizes, beside the paper's.
 pub(super) fn headline(document: &Experiment) -> String {
     let ratios = PAPER.map(|row| row.ratio());
     let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
@@ -81,9 +81,9 @@ fn ratio_interval(row: &Timing) -> String {
     format!("[{:.3}, {:.3}]", row.ratio_low, row.ratio_high)
 }
 
-/// The paper's table beside ours.
+/// The paper's table beside the measured one.
 pub fn paper_table(document: &Experiment) -> Table {
-    /// C and SIMD at a size.
+    /// The times of C and SIMD at one size.
     struct Pair<'a>(&'a Timing, &'a Timing);
     let columns: [Column<Pair<'_>>; 8] = [
         ("w×h", |Pair(c, _)| size(c)),
@@ -108,13 +108,13 @@ fn contestant(row: &Timing) -> String {
     if row.is(&row.engine) { row.engine.to_string() } else { format!("{} {}", row.engine, row.output) }
 }
 
-/// Cycles per pixel of every engine, and how many times as fast as `c` that is.
+/// The cycles per pixel of every engine, and its speedup over `c`.
 pub fn engine_table(document: &Experiment) -> Table {
     let first = document.sizes().next().unwrap_or_default();
     let mut table = Table::new(1, ["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
     for rows in document.sizes() {
         let cell = |row: &Timing| {
-            // What noise could have made is not shown as a difference.
+            // A difference within the noise is shown as none.
             let same = !row.is(BASELINE) && (row.ratio_to_c - 1.0).abs() <= document.table.noise_floor;
             let ratio = if same { "≈1".into() } else { format!("{:.2}", row.ratio_to_c) };
             format!("{:.2} ({ratio})", row.cycles_per_pixel())
@@ -124,7 +124,7 @@ pub fn engine_table(document: &Experiment) -> Table {
     table
 }
 
-/// Mean, median, minimum and ratio of everything that was measured.
+/// Mean, median, minimum and ratio of all measurements.
 pub(super) fn full_table(document: &Experiment) -> String {
     let columns: [Column<Timing>; 9] = [
         ("w×h", size),
@@ -140,7 +140,7 @@ pub(super) fn full_table(document: &Experiment) -> String {
     Table::of(2, &columns, &document.table.rows).text()
 }
 
-/// The ladder, and its comparison with the compiler.
+/// The ladder, and the comparison of packet engines with the compiler.
 fn ladder(document: &Experiment) -> String {
     let (width, height) = SIZE;
     let heading = "rungs in brackets are asides, on which the next rung does not build";
@@ -152,7 +152,7 @@ fn ladder(document: &Experiment) -> String {
     parts.join("\n")
 }
 
-/// The table of the ladder, a row for each rung.
+/// The table of the ladder, with a row for each rung.
 pub fn ladder_table(document: &Experiment) -> Table {
     let columns: [Column<Rung>; 8] = [
         ("rung", |rung| if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() }),
@@ -167,7 +167,7 @@ pub fn ladder_table(document: &Experiment) -> Table {
     Table::of(2, &columns, &document.ladder)
 }
 
-/// The packet engines against the compiler.
+/// The comparison of packet engines with the compiler's vectorisation.
 fn against_compiler(document: &Experiment) -> String {
     let line = |against: &AgainstCompiler| {
         let AgainstCompiler { engine, compiled, ratio, low, high } = against;
@@ -181,14 +181,14 @@ fn against_compiler(document: &Experiment) -> String {
     }
 }
 
-/// The share of each cause in the factor.
+/// The share of each cause in the speedup.
 fn explanation(document: &Experiment) -> String {
     let mut text = String::new();
     for Explanation { from, to, factor, shares } in &document.explanations {
         let shares: Vec<_> = shares
             .iter()
             .map(|share| {
-                // Not -0.
+                // Adding 0 turns -0 into 0.
                 let percent = (100.0 * share.share).round() + 0.0;
                 format!("{} {percent:.0} % (times {:.2})", share.cause, share.factor)
             })
@@ -201,7 +201,7 @@ fn explanation(document: &Experiment) -> String {
     text
 }
 
-/// The sweep behind the two jumps.
+/// The table of the sweep that explains the two jumps in the paper's figure 2.
 fn jumps_table(jumps: &Jumps) -> String {
     let columns: [Column<jumps::PictureTime>; 9] = [
         ("w×h", |row| format!("{}×{}", row.width, row.height)),
@@ -243,8 +243,8 @@ fn jumps_text(jumps: &Jumps) -> String {
             cycles_per_fault.map_or_else(String::new, |cycles| format!(", {cycles:.0} a page fault")),
         );
     }
-    // How many times as many cycles a pixel takes in a row of the paper's table as in the one
-    // before.
+    // By what factor the cycles per pixel grow from the previous row of the paper's table to this
+    // one.
     let jump = |row: usize, of: fn(&PaperRow) -> f64| {
         let by_pixel = |row: &PaperRow| of(row) / row.pixels() as f64;
         format!("{:.2}", by_pixel(&PAPER[row]) / by_pixel(&PAPER[row - 1]))
@@ -259,7 +259,7 @@ fn jumps_text(jumps: &Jumps) -> String {
     })
 }
 
-/// The claims as a list: their figures are too long for a table.
+/// The verdicts on the claims, as a list, since their figures are too long for a table.
 fn verdicts(document: &Experiment) -> String {
     document
         .verdicts
@@ -268,15 +268,16 @@ fn verdicts(document: &Experiment) -> String {
         .collect()
 }
 
-/// What this run cannot tell, and why: above all figures and below them.
+/// The disturbances that made some results unreliable. The text shows them both above and below all
+/// figures.
 fn disturbed(document: &Experiment) -> Option<String> {
     let reasons: String = document.disturbed.iter().map(|reason| format!("- {reason}\n")).collect();
     (!reasons.is_empty())
         .then(|| format!("Not all of it can be judged here; run it again on a quiet machine:\n\n{reasons}"))
 }
 
-/// What is printed: the result in some ten lines, with `full` all tables too, the ladder where
-/// somebody climbed it, and where the files are.
+/// The printed text: the result in about ten lines, with `full` also all tables, the ladder if it
+/// was measured, and where the files are.
 pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> String {
     let mut parts: Vec<_> = disturbed(document).into_iter().chain([summary(document)]).collect();
     if full {
@@ -284,14 +285,14 @@ pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> St
     } else if !document.ladder.is_empty() {
         parts.push(ladder(document));
     }
-    // Of the whole text it is the end already.
+    // The full text ends with them already.
     parts.extend(disturbed(document).filter(|_| !full));
     let tables = if full { "" } else { "; --full prints the tables" };
     parts.push(format!("The files are in {}: table.md has all of it{tables}\n", shown(directory)));
     parts.join("\n")
 }
 
-/// The factor, and a verdict on each claim, whose figure is in the tables.
+/// The speedup, and a verdict on each claim, without the figures, which are in the tables.
 pub fn summary(document: &Experiment) -> String {
     let Estimate { value, low, high } = document.table.c_by_simd;
     let mut text = format!(
@@ -311,7 +312,7 @@ pub fn summary(document: &Experiment) -> String {
     text
 }
 
-/// All of it, as one text: what is written, and but for the summary printed with `--full`.
+/// The whole page, which is written to a file; `--full` prints all of it except the summary.
 pub(super) fn text(document: &Experiment) -> String {
     let mut parts = vec![preamble(document)];
     if !document.conditions.complete {
@@ -343,7 +344,7 @@ pub(super) fn text(document: &Experiment) -> String {
     parts.join("\n")
 }
 
-/// The CSV: a line for each engine and size.
+/// The CSV, with a line for each engine and size.
 pub(super) fn csv(document: &Experiment) -> String {
     let columns: [Column<Timing>; 17] = [
         ("width", |row| row.width.to_string()),

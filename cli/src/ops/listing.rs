@@ -1,4 +1,5 @@
-//! The listings of `rayo ops`: operations side by side, and one function beside its source.
+//! The listings of `rayo ops`: implementations of an operation side by side, and one function
+//! beside its source.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -7,24 +8,24 @@ use crate::{BOLD, CYAN, DIM, PLAIN, YELLOW, styled};
 use rayo_lab::experiments::ops::{ALL_OPERATIONS, Counts, Kernel, LIT, Line, Report, Source};
 use rayo_lab::measure::instructions::Function;
 
-/// The fewest columns beside each other.
+/// The fewest columns side by side, however narrow the terminal is.
 const ABREAST: usize = 2;
-/// Columns of a label, and what the text of most instructions takes at most.
+/// The width of a label, and the width that the text of most instructions fits into.
 const LABEL: usize = 5;
 const TEXT: usize = 44;
 
-/// An instruction as it is printed.
+/// An instruction prepared for printing.
 struct Shown<'a> {
     line: &'a Line,
-    /// The label before it, if another jumps here.
+    /// The label of this instruction, if another one jumps to it; else empty.
     label: String,
-    /// Its text, with the label of where it jumps to.
+    /// The instruction in Intel's syntax, with the label of its jump target.
     text: String,
-    /// Whether the first column has it too.
+    /// Whether the instruction also is in the first column.
     common: bool,
 }
 
-/// The lines of a function, with labels instead of offsets.
+/// The instructions of a function, with labels in place of offsets.
 fn shown(listing: &[Line]) -> Vec<Shown<'_>> {
     let targets: BTreeSet<_> = listing.iter().filter_map(|line| line.target).collect();
     let labels: Vec<_> = listing.iter().map(|line| line.offset).filter(|offset| targets.contains(offset)).collect();
@@ -42,13 +43,14 @@ fn shown(listing: &[Line]) -> Vec<Shown<'_>> {
     listing.iter().map(shown).collect()
 }
 
-/// The listing of each operation, in lines of so many characters.
+/// The listings of each operation, in lines of this many characters.
 pub fn text(report: &Report, width: usize, colour: bool) -> String {
     let mut text = String::new();
     let mut side_by_side = false;
     for op in ALL_OPERATIONS.into_iter().chain([LIT]) {
         let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op && !row.listing.is_empty()).collect();
-        // What the others are held against: the paper's macros, or else the first.
+        // The implementation that the others are compared with: the paper's macros, or else the
+        // first one.
         let Some(base) = rows.iter().find(|row| row.implementation == "paper").or(rows.first()) else { continue };
         let others: Vec<_> = rows.iter().filter(|row| row.implementation != base.implementation).collect();
         writeln!(text, "{}", styled(colour, BOLD, op)).unwrap();
@@ -58,7 +60,7 @@ pub fn text(report: &Report, width: usize, colour: bool) -> String {
             continue;
         }
         side_by_side = true;
-        // As many as fit without cutting a line off, as far as that goes.
+        // As many columns as fit without truncating a line, but at least ABREAST.
         let longest = rows.iter().flat_map(|row| shown(&row.listing)).map(|line| cell(&line).chars().count()).max();
         let abreast = (width / (longest.unwrap_or(0) + 1)).clamp(ABREAST, rows.len());
         for others in others.chunks(abreast - 1) {
@@ -79,7 +81,7 @@ pub fn text(report: &Report, width: usize, colour: bool) -> String {
     text
 }
 
-/// The listings of functions of the objects.
+/// The listings of functions of the object files.
 pub fn kernels(kernels: &[Kernel], width: usize, colour: bool) -> String {
     let mut text = String::new();
     for Kernel { function: Function { object, symbol, bytes }, instructions, listing } in kernels {
@@ -90,7 +92,7 @@ pub fn kernels(kernels: &[Kernel], width: usize, colour: bool) -> String {
     text
 }
 
-/// The symbols that can be listed, a line for each.
+/// The symbols of functions that can be listed, one per line.
 pub fn symbols(functions: &[Function]) -> String {
     let longest = functions.iter().map(|function| function.symbol.len()).max().unwrap_or(0);
     let line =
@@ -102,8 +104,8 @@ fn title(row: &Counts) -> String {
     format!("  {} ({})", row.implementation, row.listing.len())
 }
 
-/// A function, an instruction in each line, and its source behind it; what pads up to a loop is one
-/// line.
+/// A function with one instruction per line and its source to the right. Several nops in a row,
+/// which align a loop, are one line.
 fn beside_source(text: &mut String, listing: &[Line], width: usize, colour: bool) {
     let lines = shown(listing);
     let longest = lines.iter().map(|line| cell(line).chars().count()).max().unwrap_or(0).min(LABEL + TEXT);
@@ -122,7 +124,8 @@ fn beside_source(text: &mut String, listing: &[Line], width: usize, colour: bool
     writeln!(text).unwrap();
 }
 
-/// File, line and macros, the innermost first, as many as there is room for.
+/// The source line of an instruction and the macros around it, innermost first, as far as there is
+/// room.
 fn origin(Source { file, line, macros, .. }: &Source, room: usize) -> String {
     let file = file.rsplit('/').next().unwrap_or_default();
     let mut origin = if file.is_empty() { String::new() } else { format!("{file}:{line}") };
@@ -136,14 +139,14 @@ fn origin(Source { file, line, macros, .. }: &Source, room: usize) -> String {
     if origin.chars().count() > room { String::new() } else { origin }
 }
 
-/// A line as it is printed.
+/// The text of an instruction in a column.
 fn cell(Shown { line, label, text, common }: &Shown<'_>) -> String {
     let times = line.executed.map_or(String::new(), |times| format!("{times} "));
     let marks = [if *common { ' ' } else { '*' }, if line.body { '|' } else { ' ' }].iter().collect::<String>();
     format!("{label:<LABEL$}{marks}{times}{text}")
 }
 
-/// Listings beside each other, each in so many characters, a space at the end included.
+/// Listings side by side. Each takes `width` characters, including a space at its end.
 fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, colour: bool) {
     let width = width - 1;
     let base_lines = shown(&base.listing);
@@ -161,8 +164,8 @@ fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, col
     for i in 0..columns.iter().map(|(_, lines)| lines.len()).max().unwrap_or(0) {
         let cells = columns.iter().map(|(_, lines)| {
             let cell = lines.get(i).map_or(String::new(), cell);
-            // A listing without a body, as those of C, is not dim as a whole, nor all of it other
-            // than the first.
+            // Listings without a marked body, such as those of C, are not dimmed, nor is each of
+            // their lines marked as different from the first column.
             let has_body = lines.iter().any(|line| line.line.body);
             let style = lines.get(i).map_or(PLAIN, |line| {
                 if has_body && !line.line.body {
@@ -188,7 +191,7 @@ fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, col
     writeln!(text).unwrap();
 }
 
-/// Which lines of `b` are part of the longest sequence that it has in common with `a`.
+/// Which lines of `b` belong to a longest common subsequence with `a`.
 fn common(a: &[String], b: &[String]) -> Vec<bool> {
     let mut longest = vec![vec![0_usize; b.len() + 1]; a.len() + 1];
     for i in (0..a.len()).rev() {

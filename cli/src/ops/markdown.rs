@@ -1,4 +1,4 @@
-//! The document docs/results/instruction-counts.md.
+//! The page docs/results/instruction-counts.md.
 
 use super::table::{pair, short};
 use crate::essay::{filled, part};
@@ -6,16 +6,16 @@ use crate::table::Table;
 use rayo_lab::experiments::ops::{Counts, FrameRow, IMPLEMENTATIONS, OPS, Report};
 use rayo_lab::measure::cpu_name;
 
-/// What stands around the tables.
+/// The text around the tables.
 const EXPLANATION: &str = include_str!("explanation.md");
 
-/// The implementations whose code the assembler fixes, and those that a compiler makes.
+/// The implementations that an assembler built, and those that a compiler built.
 const ASSEMBLED: &[&str] = BUILT.split_at(7).1;
 const COMPILED: &[&str] = BUILT.split_at(7).0;
-/// All but the two columns that the paper printed.
+/// All implementations except the two columns that the paper printed, of which there is no code.
 const BUILT: &[&str] = IMPLEMENTATIONS.split_at(2).1;
 
-/// The document.
+/// The page.
 pub fn text(report: &Report) -> String {
     let explanation = |name| part(EXPLANATION, name);
     let by_compilers = filled(explanation("by compilers"), |what| match what {
@@ -49,13 +49,13 @@ fn number(value: Option<impl ToString>) -> String {
     value.map_or("–".into(), |value| value.to_string())
 }
 
-/// Those of `names` that have any code.
+/// Those of `names` that have code in this report.
 fn there<'a>(report: &Report, names: &[&'a str]) -> Vec<&'a str> {
     let has = |name: &&&str| report.rows.iter().any(|row| row.implementation == **name && row.function.is_some());
     names.iter().filter(has).copied().collect()
 }
 
-/// A table with a row for each operation: its name, and its cells under `heads`.
+/// A table with a row for each operation: its name, and its cells under the other headings.
 fn by_operation<S: Into<String>>(
     heads: impl IntoIterator<Item = S>,
     cells: impl Fn(&'static str) -> Vec<String>,
@@ -155,8 +155,8 @@ fn cost(report: &Report) -> String {
     costs.compact() + "\n"
 }
 
-/// What the figures teach, with those of this report: `{function add c-O0}` is the figure of a
-/// kind, an operation and an implementation.
+/// The text of what the figures teach, with figures of this report: `{function add c-O0}` is a kind
+/// of figure, an operation and an implementation.
 fn lessons(report: &Report) -> String {
     filled(part(EXPLANATION, "what it teaches"), |what| {
         let [kind, op, name] = what.split(' ').collect::<Vec<_>>()[..] else { unreachable!("no figure `{what}`") };

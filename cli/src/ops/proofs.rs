@@ -6,8 +6,8 @@ use crate::table::Table;
 use rayo_lab::experiments::prove::listing::{MacroProof, Proofs};
 use rayo_lab::experiments::prove::rounding::Bound;
 
-/// The macros that are proved, those that are not with the reason, the bounds, and how many there
-/// are of each.
+/// The tables of proved macros, of unproved macros with the reasons, and of proved bounds, each
+/// with its number of rows.
 pub fn text(proofs: &Proofs) -> String {
     let mut rows = BTreeMap::<&str, Vec<&MacroProof>>::new();
     for row in &proofs.macros {
@@ -39,7 +39,7 @@ pub fn text(proofs: &Proofs) -> String {
     )
 }
 
-/// How many macros are proved by one path through their machine code, and by several.
+/// How many macros are proved by a single path through their machine code, and by several.
 #[derive(Default)]
 struct Summary {
     by_one_path: usize,
@@ -56,8 +56,8 @@ impl Summary {
     }
 }
 
-/// A macro's row: its forms, its proofs on all instruction sets and precisions, and the lemmas that
-/// they use.
+/// The row of a macro: its forms, on which instruction sets and in which precisions it is proved,
+/// and the lemmas used.
 fn proved_row(name: &str, paths: usize, proved: &[&MacroProof]) -> Vec<String> {
     let forms: BTreeSet<_> = proved.iter().map(|row| row.form).collect();
     let lemmas: BTreeSet<_> = proved.iter().flat_map(|row| row.lemmas.keys().copied()).collect();
@@ -65,7 +65,7 @@ fn proved_row(name: &str, paths: usize, proved: &[&MacroProof]) -> Vec<String> {
     vec![name.into(), list(forms), proved.len().to_string(), paths.to_string(), list(lemmas)]
 }
 
-/// How many bounds are proved in each way.
+/// The number of bounds proved by each method.
 fn ways(bounds: &[Bound]) -> String {
     let names = [("count", "by counting"), ("gappa", "by Gappa"), ("sollya", "by Sollya"), ("hand", "by hand")];
     let of_way = |(by, name): (&str, &str)| format!("{} {name}", bounds.iter().filter(|bound| bound.by == by).count());

@@ -7,23 +7,23 @@ use crate::table::{Column, Table};
 use rayo_lab::experiments::ops::{Counts, FrameRow, IMPLEMENTATIONS, Path, Report};
 use rayo_lab::measure::instructions::Mix;
 
-/// Two digits or three that mean something.
+/// A number with two or three significant digits.
 pub fn short(cycles: f64) -> String {
     if cycles < 9.95 { format!("{cycles:.1}") } else { format!("{cycles:.0}") }
 }
 
-/// Latency and throughput, where both are known.
+/// Latency and throughput, if both are known.
 pub fn pair(latency: Option<f64>, throughput: Option<f64>, between: &str) -> Option<String> {
     Some(format!("{}{between}{}", short(latency?), short(throughput?)))
 }
 
-/// Latency and throughput of a row, where it was measured.
+/// Latency and throughput of a row; None if neither was measured.
 fn measured(row: &Counts, latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
     let known = |cycles: Option<f64>| cycles.map_or("n/a".into(), short);
     row.cost_of.as_ref().map(|_| format!("{}/{}", known(latency), known(throughput)))
 }
 
-/// What is in a cell; a dash where nothing is.
+/// The text of a cell; a dash for None.
 fn cell(value: Option<impl ToString>) -> String {
     value.map_or("-".into(), |value| value.to_string())
 }
@@ -32,7 +32,7 @@ fn has_code(row: &Counts) -> bool {
     row.body.or(row.function).is_some()
 }
 
-/// The whole text; `detail`: some operations alone, with kinds of instructions and paths.
+/// The whole text; `detail` adds kinds of instructions and paths, for a selection of operations.
 pub fn text(report: &Report, detail: bool, executed: bool) -> String {
     let mut text = counts(report, executed).text();
     if detail {
@@ -48,7 +48,8 @@ pub fn text(report: &Report, detail: bool, executed: bool) -> String {
     text
 }
 
-/// The counts and cycles of each operation by each implementation that has code for it.
+/// The table of instruction counts and cycles of each operation in each implementation that has
+/// code for it.
 fn counts(report: &Report, executed: bool) -> Table {
     let mut columns: Vec<Column<Counts>> = vec![
         ("operation", |row| row.op.to_string()),
@@ -78,14 +79,15 @@ fn counts(report: &Report, executed: bool) -> Table {
     Table::of(2, &columns, report.rows.iter().filter(|row| has_code(row)))
 }
 
-/// The instructions of one body or function.
+/// The instructions of the body or of the whole function of an operation.
 struct Code {
     op: String,
     name: String,
     mix: Mix,
 }
 
-/// The kinds of instructions, of which each code has so many.
+/// The columns of the table of kinds: the number of instructions of each kind in a body or
+/// function.
 const KINDS: [Column<Code>; 15] = [
     ("operation", |code| code.op.clone()),
     ("code", |code| code.name.clone()),
@@ -106,7 +108,7 @@ const KINDS: [Column<Code>; 15] = [
     }),
 ];
 
-/// The kinds of instructions of every body and function.
+/// The table of the kinds of instructions of every body and function.
 fn kinds(report: &Report) -> Table {
     let codes = report.rows.iter().flat_map(|row| {
         [("body", &row.body_mix), ("function", &row.function_mix)].into_iter().filter_map(|(what, mix)| {
@@ -117,14 +119,14 @@ fn kinds(report: &Report) -> Table {
     Table::of(2, &KINDS, &codes.collect::<Vec<_>>())
 }
 
-/// Whether a feature is more than what every CPU of the architecture has, or at least one of its
-/// vectors. endbr64 is a nop where CET_IBT is not there.
+/// Whether a CPU feature is beyond the x86-64 baseline and worth naming. endbr64 counts as
+/// baseline: it is a nop on CPUs without CET_IBT.
 fn beyond_x86_64(feature: &str) -> bool {
     !feature.starts_with("INTEL") && !["X64", "CMOV", "MULTIBYTENOP", "CET_IBT"].contains(&feature)
 }
 
-/// Executed instructions by path, of operations that have several: a row for each path, a column
-/// for each implementation.
+/// Executed instructions of operations with several paths: a table with a row for each path and a
+/// column for each implementation.
 fn paths(text: &mut String, report: &Report) {
     for rows in report.rows.chunk_by(|a, b| a.op == b.op) {
         let Some(longest) = rows.iter().max_by_key(|row| row.paths.len()).filter(|row| row.paths.len() > 1) else {
@@ -140,8 +142,8 @@ fn paths(text: &mut String, report: &Report) {
     }
 }
 
-/// Those that have more than one operation; implementations that share one are in one line, and the
-/// others in a last line.
+/// The critical paths with more than one instruction. Implementations with the same path share a
+/// line, and the operations whose path is a single instruction share the last line.
 fn critical_paths(text: &mut String, report: &Report) {
     let rows = report.rows.iter().filter_map(|row| Some((row, row.critical_path.as_ref()?)));
     let (chains, single): (Vec<_>, Vec<_>) = rows.partition(|(_, path)| path.contains("->"));
@@ -161,7 +163,7 @@ fn critical_paths(text: &mut String, report: &Report) {
     }
 }
 
-/// The instructions of whole pictures.
+/// The columns of the table of instructions executed for whole pictures.
 const FRAMES: [Column<FrameRow>; 5] = [
     ("engine", |frame| frame.engine.to_string()),
     ("pixels", |frame| format!("{}x{}", frame.width, frame.height)),
@@ -170,7 +172,7 @@ const FRAMES: [Column<FrameRow>; 5] = [
     ("per ray", |frame| format!("{:.1}", frame.per_ray)),
 ];
 
-/// Whose models were asked, and for what.
+/// The CPU models that made the predictions, and for which implementations.
 pub fn models(report: &Report) -> Vec<String> {
     let mut cpus: Vec<&str> = report.rows.iter().filter_map(|row| Some(&*row.model.as_ref()?.cpu)).collect();
     cpus.sort_unstable();

@@ -15,7 +15,7 @@ use rayo::internals::kernels::sys::cores;
 use rayo::internals::plan::MAX_THREADS;
 use rayo::internals::scene::{Camera, Scene};
 
-/// An hour of them, and more.
+/// More than an hour at 24 pictures per second.
 const MOST_PICTURES: u32 = 100_000;
 
 /// Render a scene file to a picture
@@ -83,24 +83,24 @@ pub struct RenderArgs {
     pub quiet: bool,
 }
 
-/// Rows as Rust writes a range of them.
+/// Parses a range of rows in Rust's notation.
 fn rows(text: &str) -> Result<Range<u32>, String> {
     let ends = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
     ends.filter(|rows: &Range<u32>| !rows.is_empty())
         .ok_or_else(|| "expected the first row and the one after the last, as in 0..100".into())
 }
 
-/// A scene as it is to be seen, and what else its files say.
+/// A scene prepared for rendering, with other information from its files.
 pub(super) struct SceneToRender {
     pub scene: Scene,
-    /// The files that it was read from.
+    /// The files that the scene was read from.
     pub files: Vec<PathBuf>,
-    /// The index of the light that the camera carries, if it carries one.
+    /// The index of the light that moves with the camera, if there is one.
     pub carried_light: Option<usize>,
 }
 
 impl RenderArgs {
-    /// Reads the scene, and says what is to be said of it.
+    /// Reads the scene, and prints its notes and warnings.
     pub(super) fn open(&self, path: &Path) -> Result<SceneToRender, Failure> {
         let mut opened = self.view.open(path, self.threads.unwrap_or_else(cores))?;
         let files = take(&mut opened.files);
@@ -108,7 +108,7 @@ impl RenderArgs {
         Ok(SceneToRender { scene: self.view.seen(tell(opened, self.quiet))?, files, carried_light })
     }
 
-    /// The rows that are asked for, of a camera's picture.
+    /// The rows of a camera's picture that the arguments ask for.
     pub(super) fn rows_of(&self, camera: &Camera) -> Result<Range<u32>, Failure> {
         let (rows, height) = (self.rows.clone().unwrap_or(0..camera.height()), camera.height());
         if rows.end > height {

@@ -1,4 +1,5 @@
-//! Where a picture goes: by `-o`, or by the name in its scene, which may come from anybody.
+//! The name of the picture file: from `-o`, or from the scene, which may come from anybody and is
+//! not trusted.
 
 use std::collections::BTreeSet;
 use std::io::{self, IsTerminal};
@@ -9,8 +10,8 @@ use crate::{Failure, is_read, keep_off_terminals, keep_scene_files, say};
 use rayo::internals::render::{Format, is_standard_output};
 use rayo::internals::scene::{Scene, is_unseen, printable, shown};
 
-/// The name of the picture of this number, where a name has a place for it: `%d`, or `%04d` for one
-/// of four digits.
+/// The name of picture `number` of a series; None if the name has no place for it: `%d`, or `%04d`
+/// for four digits.
 pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
     let (before, rest) = name.to_str()?.split_once('%')?;
     let (width, after) = rest.split_once('d')?;
@@ -18,7 +19,8 @@ pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
     (digits < 10 && !after.contains('%')).then(|| format!("{before}{number:0digits$}{after}").into())
 }
 
-/// The picture that `-o` names, or else the one that the scene names, in this directory.
+/// The picture file that `-o` names, or else the one that the scene names, in the current
+/// directory.
 pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure> {
     let path = match &args.output {
         Some(directory) if args.scenes.len() > 1 => directory.join(bare_name(&scene.name)?),
@@ -50,12 +52,12 @@ pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Forma
             "the picture goes to standard output, and that is a terminal: name a file with -o, or send it on to a program",
         ));
     }
-    // As errors name it.
+    // The name that errors show for standard output.
     Ok(("/dev/stdout".into(), format))
 }
 
-/// Refuses a picture that would replace a file that is `read`, or, by a link, one that a later
-/// scene may be read from.
+/// Fails if the picture would replace a file in `read` or is a link to a file that a later scene
+/// may be read from.
 pub(super) fn keep_scenes(path: &Path, read: &BTreeSet<PathBuf>) -> Result<(), Failure> {
     let target = path.canonicalize().unwrap_or_default();
     if read.contains(&target) && target.is_file() {
@@ -64,8 +66,8 @@ pub(super) fn keep_scenes(path: &Path, read: &BTreeSet<PathBuf>) -> Result<(), F
     keep_scene_files(path)
 }
 
-/// A scene's image name without its directories: scenes come from anywhere, and choose neither
-/// these nor a hidden file, nor one that reads as an option.
+/// The image name of a scene without its directories. Since scenes come from anywhere, they must
+/// not choose a directory, a hidden file, or a name that looks like an option.
 fn bare_name(name: &str) -> Result<PathBuf, Failure> {
     let (shown, bare) = (printable(name), name.rsplit(['/', '\\']).next().unwrap_or_default());
     if bare.is_empty() || bare.starts_with(['.', '-']) || is_standard_output(Path::new(bare)) {

@@ -1,4 +1,4 @@
-//! A picture written to a file, and a series of them from all around a scene.
+//! Writes a picture of a scene to a file, or a series of pictures from all sides.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -19,14 +19,15 @@ use rayo::internals::render::{
 };
 use rayo::internals::scene::{Camera, MovingCamera, Scene, shown};
 
-/// A picture that takes longer than this shows its progress.
+/// Progress is shown if a picture takes longer than this.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// What all pictures of a scene have in common.
+/// What all pictures of a scene share.
 pub(super) struct Picture<'a> {
     pub args: &'a RenderArgs,
     pub tracing: Tracing,
-    /// That of the picture: of several samples the scene has another.
+    /// The camera of the picture, with one ray per pixel; the scene's own camera traces all
+    /// samples.
     pub camera: Camera,
     pub rows: Range<u32>,
     pub format: Format,
@@ -35,7 +36,7 @@ pub(super) struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Renders a scene to a file: how long set-up took, and all else.
+    /// Renders a scene to a file. Returns the time of the set-up, and the statistics of the rest.
     pub(super) fn write(&self, scene: &Scene, path: &Path) -> Result<(Duration, Stats), Failure> {
         let Picture { args, tracing, camera, format, .. } = *self;
         let existing = if args.output.is_some() || args.force { Existing::Replace } else { Existing::Keep };
@@ -55,7 +56,8 @@ impl Picture<'_> {
             plain.iter().fold(developed, |developed, plain| developed.along_edges(plain.tracer()))
         });
         let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
-        // Another thread would be awake too late for one picture, unless it has a file to encode.
+        // Starting another thread takes longer than tracing one quick picture; it only pays if
+        // there is a file to compress.
         let alone = args.orbit.is_none() && tracer.is_quick() && matches!(format, Format::Ppm | Format::Pfm);
         let settings = if alone { Settings { threads: 1 } } else { tracing.settings() };
         let frame = Frame::new(tracer, camera, settings)?;
@@ -71,8 +73,8 @@ impl Picture<'_> {
         Ok((setup, stats))
     }
 
-    /// Renders as many pictures from all round a scene, whose files are not to be among them, and
-    /// says so.
+    /// Renders as many pictures as asked for, from all around a scene, and reports it. `files` of
+    /// the scene must not be replaced.
     pub(super) fn go_round(
         &self,
         mut moving: MovingCamera<'_>,
@@ -106,13 +108,14 @@ impl Picture<'_> {
         Ok(())
     }
 
-    /// Width and height in pixels, as in 1632x1224.
+    /// The width and height in pixels, as in 1632x1224.
     pub(super) fn size(&self) -> String {
         format!("{}x{}", self.camera.width(), self.rows.len())
     }
 }
 
-/// Too large a picture for its format is bad usage; what else keeps a file from being begun is not.
+/// A picture too large for its format is invalid usage; other errors in creating a file are output
+/// errors.
 fn unwritten(error: ImageError) -> Failure {
     match error {
         ImageError::Whole { .. } => Failure::input(error),
@@ -120,7 +123,7 @@ fn unwritten(error: ImageError) -> Failure {
     }
 }
 
-/// A bar, if there is a terminal and the picture takes its time.
+/// A progress bar, if standard error is a terminal and the picture takes long.
 pub(super) struct Progress {
     start: Instant,
     bar: ProgressBar,
@@ -142,7 +145,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away, for what is told next.
+    /// Removes the bar, before other messages are printed.
     pub(super) fn end(&self) {
         self.bar.finish_and_clear();
     }

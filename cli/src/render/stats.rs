@@ -1,4 +1,4 @@
-//! Where the time of a picture went, as `--stats` and `--json` print it.
+//! The times and counts of a picture, as `--stats` and `--json` print them.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::engine::Tracing;
 use rayo::internals::render::{Counted, Stats};
 
-/// The names are those of the JSON document.
+/// The statistics; the field names are those of the JSON document.
 #[derive(Serialize)]
 pub(super) struct Report {
     engine: &'static str,

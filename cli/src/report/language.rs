@@ -1,4 +1,4 @@
-//! The page in Spanish: the English page with each text replaced by its translation in a table.
+//! The Spanish page: the English page with each text replaced by its translation in a table.
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -14,17 +14,18 @@ pub enum Language {
     Es,
 }
 
-/// Lines "English => Spanish", in which `{}` stands for any text, which is translated by itself.
+/// The table: lines "English => Spanish". `{}` stands for any text, which is translated on its own.
 const WORDS: &str = include_str!("words.es.txt");
-/// The prose of the page, by part and paragraph.
+/// The prose of the page. Parts and paragraphs are in the same order in both languages.
 const ENGLISH: &str = include_str!("explanation.md");
 const SPANISH: &str = include_str!("explanation.es.md");
 
-/// Elements whose texts stay as they are: styles, listings, names of compilers, and figures, in
-/// which a sentence is broken into several texts.
+/// Elements whose content is not translated: styles, listings, names of compilers, and figures, in
+/// which sentences are broken into several texts.
 const UNTRANSLATED: [&str; 4] = ["style", "pre", "dd", "svg"];
 
-/// A text with holes: the English pieces between these, and the Spanish text with `{}` for each.
+/// A translation with holes: the English text between the holes, and the Spanish text with `{}` for
+/// each hole.
 struct Template {
     pieces: Vec<&'static str>,
     spanish: &'static str,
@@ -35,7 +36,7 @@ struct Words {
     templates: Vec<Template>,
 }
 
-/// The page, which is in English, in another language.
+/// The English page, translated to another language.
 pub fn in_language(page: String, language: Language) -> String {
     match language {
         Language::En => page,
@@ -55,7 +56,7 @@ impl Words {
                 words.add(english, spanish);
             }
         }
-        // Where several templates fit a text, the one with the most text of its own is tried first.
+        // If several templates match a text, the one with the most literal text wins.
         words.templates.sort_by_key(|template| Reverse(template.pieces.iter().map(|piece| piece.len()).sum::<usize>()));
         words
     }
@@ -68,12 +69,12 @@ impl Words {
         }
     }
 
-    /// The page with every text in Spanish. A text is what stands between two tags, except those of
-    /// `<code>`, which are a part of it.
+    /// The page with every text in Spanish. A text is what is between two tags; `<code>` tags do
+    /// not separate texts.
     fn page(&self, page: &str) -> String {
         let mut translated = String::with_capacity(page.len());
         let mut text = String::new();
-        // The element around the text that is not translated, if there is one.
+        // The untranslated element that the current text is in, if any.
         let mut untranslated = None;
         for piece in page.split_inclusive('>') {
             let (before, tag) = piece.split_at(piece.rfind('<').unwrap_or(piece.len()));
@@ -96,7 +97,7 @@ impl Words {
         translated + &text
     }
 
-    /// A tag with its description for screen readers, which is a text too, in Spanish.
+    /// A tag; if it has a description for screen readers, that is translated too.
     fn tag(&self, tag: &str) -> String {
         for attribute in [" aria-label=\"", " alt=\""] {
             if let Some((before, rest)) = tag.split_once(attribute)
@@ -108,7 +109,7 @@ impl Words {
         tag.to_owned()
     }
 
-    /// The Spanish for a text of the page, as HTML. In `text` code stands between backticks.
+    /// The Spanish HTML for a text of the page, in which code is between backticks.
     fn text(&self, text: &str) -> String {
         let plain = text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"").replace("&amp;", "&");
         let english = plain.trim();
@@ -120,8 +121,8 @@ impl Words {
         words(&spanish).into_string()
     }
 
-    /// The Spanish for a text: that of the whole, by a template, or clause by clause. A text that
-    /// the table does not have stays as it is.
+    /// The Spanish for a text: by an entry of the table for the whole text, by a template, or
+    /// clause by clause. A text that the table lacks stays as it is.
     fn translation(&self, text: &str) -> String {
         if let Some(spanish) = self.whole.get(text) {
             return (*spanish).to_owned();
@@ -139,7 +140,7 @@ impl Words {
 }
 
 impl Template {
-    /// The Spanish text with what stands in the holes; None if the text is another.
+    /// The Spanish text with its holes filled; None if `text` does not match the template.
     fn fill(&self, text: &str, words: &Words) -> Option<String> {
         let (first, last) = (self.pieces.first()?, self.pieces.last()?);
         let mut rest = text.strip_prefix(first)?.strip_suffix(last)?;
@@ -150,7 +151,7 @@ impl Template {
             rest = after;
         }
         holes.push(rest);
-        // A hole holds one clause, unless the table has the Spanish for all of it.
+        // A hole may hold a single clause, or a longer text that the table has as a whole.
         let is_too_much = |hole: &&str| hole.contains("; ") && !words.whole.contains_key(hole);
         if holes.iter().any(is_too_much) {
             return None;
@@ -167,8 +168,8 @@ impl Template {
     }
 }
 
-/// The text with its numbers as in Spanish, outside of code: "4,5 [4,1; 4,9]" for
-/// "4.5 [4.1, 4.9]", and "1 000" for "1,000".
+/// The text with numbers in Spanish notation, outside of code: "4,5 [4,1; 4,9]" for "4.5 [4.1,
+/// 4.9]", and "1 000" for "1,000".
 fn with_commas(text: &str) -> String {
     let characters: Vec<char> = text.chars().collect();
     let is_digit = |index: usize| characters.get(index).is_some_and(char::is_ascii_digit);

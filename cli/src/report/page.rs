@@ -1,4 +1,4 @@
-//! The page of `rayo report`: one file, readable without scripts, made of the results alone.
+//! The page of `rayo report`: a single file, readable without scripts, made from the results alone.
 
 mod many;
 mod paper;
@@ -28,11 +28,12 @@ use rayo_lab::measure::Machine;
 use rayo_lab::measure::statistics::{Estimate, maximum, minimum};
 
 const STYLE: &str = include_str!("page.css");
-/// The most pictures of a set to flip through.
+/// The most pictures of a set that the page lets the reader switch between.
 const MOST_FLIPPED: usize = 3;
 const EXPLANATION: &str = include_str!("explanation.md");
 
-/// The style, with a rule of what has the number N for each picture of a set.
+/// The style sheet. A line that contains `(N)` becomes a rule for each number of a picture in a
+/// set.
 fn style() -> String {
     let rules = |line: &str| {
         let times = if line.contains("(N)") { MOST_FLIPPED } else { 1 };
@@ -41,14 +42,14 @@ fn style() -> String {
     STYLE.lines().map(rules).collect()
 }
 
-/// A part of the page: its title, its address on it, and what is in it.
+/// A section of the page: its title, its fragment identifier, and its content.
 struct Section {
     title: &'static str,
     id: &'static str,
     content: Markup,
 }
 
-/// The page of one machine, or of several side by side.
+/// The page of one machine, or the comparison of several.
 pub fn page(machines: &[Results]) -> Result<String, Failure> {
     let sections = match machines {
         [results] => of_one(results)?,
@@ -92,7 +93,7 @@ pub fn page(machines: &[Results]) -> Result<String, Failure> {
             }
         }
     };
-    // Results from elsewhere may have characters that no page may.
+    // Results from elsewhere may contain characters that a page must not have.
     Ok(page.into_string().lines().map(|line| printable(line) + "\n").collect())
 }
 
@@ -118,8 +119,7 @@ fn of_one(results: &Results) -> Result<Vec<Section>, Failure> {
     Ok(sections)
 }
 
-/// The answer to the paper's question: the factor here, the factor in the paper, and its largest
-/// cause.
+/// The answer to the paper's question: the speedup here, the paper's, and the largest cause.
 fn answer(machines: &[Results]) -> Option<String> {
     let experiments: Vec<_> = machines.iter().filter_map(|results| results.experiment.as_ref()).collect();
     let ratios = PAPER.map(|row| row.ratio());
@@ -145,7 +145,7 @@ fn answer(machines: &[Results]) -> Option<String> {
     Some(answer + ".")
 }
 
-/// What is to be known of the results as a whole.
+/// A note that concerns the results as a whole, if one is needed.
 fn note(results: &Results) -> Option<String> {
     let cut = results.cut_short();
     let quick = results.quick.then(|| "few runs and small pictures (--quick)".to_owned());
@@ -154,17 +154,17 @@ fn note(results: &Results) -> Option<String> {
     (!notes.is_empty()).then(|| format!("{}: {}.", results.machine.cpu(), notes.join("; ")))
 }
 
-/// A paragraph for each of the text, with code between backticks.
+/// The paragraphs of a text, with code between backticks.
 fn prose(text: &str) -> Markup {
     html! { @for paragraph in text.trim().split("\n\n") { p { (words(paragraph)) } } }
 }
 
-/// A part of the explanation.
+/// The paragraphs of a part of the explanation.
 fn explained(name: &str) -> Markup {
     prose(part(EXPLANATION, name))
 }
 
-/// A figure, for wide screens and for narrow ones, with what it shows for those who do not see it.
+/// A figure, in a wide and a narrow form, with a description for screen readers.
 fn figure(svg: impl Fn(Screen) -> Result<String, PlotError>, label: &str) -> Result<Markup, PlotError> {
     let (wide, narrow) = (svg(Screen::Wide)?, svg(Screen::Narrow)?);
     Ok(html! {
@@ -177,7 +177,7 @@ fn figure(svg: impl Fn(Screen) -> Result<String, PlotError>, label: &str) -> Res
     })
 }
 
-/// A small figure, which is the same on every screen, with its description for screen readers.
+/// A small figure with a single form for all screens, and its description for screen readers.
 fn small_figure(svg: &str, label: &str) -> Markup {
     html! {
         figure.small {
@@ -187,8 +187,8 @@ fn small_figure(svg: &str, label: &str) -> Markup {
     }
 }
 
-/// A section of one stage: its words, what of it is missing, and its `content`; or why there is
-/// nothing of it.
+/// The section of one stage: its explanation, a note of what is missing, and its `content`; or the
+/// reason why it has no results.
 fn section<T>(
     results: &Results,
     stage: Stage,
@@ -204,7 +204,8 @@ fn section<T>(
     Ok(Section { title, id, content })
 }
 
-/// A count with its unit, which is given in the plural: "1 kind", "1 234 rays against objects".
+/// A count with its unit in the singular or plural; `unit` is the plural: "1 kind", "1 234 rays
+/// against objects".
 fn counted(count: u64, unit: &str) -> String {
     let number = grouped(count, ' ');
     match unit.split_once(' ') {
@@ -214,13 +215,13 @@ fn counted(count: u64, unit: &str) -> String {
     }
 }
 
-/// Why a part is not there.
+/// Why a stage has no results.
 fn absent(results: &Results, stage: Stage) -> Markup {
     let reason = results.missing.get(&stage.name()).map_or("not among these results", String::as_str);
     html! { p.absent { "Not measured: " (words(reason)) "." } }
 }
 
-/// What of a part is not there, where some is.
+/// What a stage lacks, if it is incomplete.
 fn partly(results: &Results, stage: Stage) -> Markup {
     html! {
         @if let Some(reason) = results.missing.get(&stage.name()) { p.absent { "Not all of it: " (words(reason)) "." } }
@@ -231,7 +232,7 @@ fn machine(machine: &Machine) -> Markup {
     html! { dl.facts { @for (name, value) in machine.facts() { dt { (name) } dd { (value) } } } }
 }
 
-/// The engines that this report has nothing of, because the CPU does not run them.
+/// The packet engines that the report lacks because the CPU cannot run them.
 fn engines_absent(has: impl Fn(&str) -> bool) -> Markup {
     let absent: Vec<_> = Isa::ALL.iter().map(|isa| isa.name()).filter(|name| !has(name)).collect();
     html! { @if !absent.is_empty() { p.absent { "This CPU does not run " (absent.join(" and ")) "." } } }
@@ -239,7 +240,7 @@ fn engines_absent(has: impl Fn(&str) -> bool) -> Markup {
 
 fn again(results: &Results) -> Result<Markup, Failure> {
     let command = if results.quick { "rayo report --quick" } else { "rayo report" };
-    // The pictures are on the page.
+    // Without the pictures, which are on the page already.
     let figures = Results { gallery: None, ..results.clone() };
     let mut figures: Value = serde_json::from_str(&json(&figures)?).map_err(Failure::output)?;
     round(&mut figures);
@@ -264,7 +265,7 @@ fn again(results: &Results) -> Result<Markup, Failure> {
     })
 }
 
-/// Rounds every number that is not whole to four digits, to keep the page small.
+/// Rounds every non-integer number to four digits, to keep the page small.
 fn round(of: &mut Value) {
     match of {
         Value::Array(items) => items.iter_mut().for_each(round),

@@ -1,4 +1,4 @@
-//! The stages of `rayo report`, one after the other, and how far they are.
+//! Runs the stages of `rayo report` one after the other, and shows progress.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,7 +21,7 @@ use rayo_lab::experiments::step::{self, Ray};
 use rayo_lab::experiments::{ablation, accuracy, complexity, gallery, in_size, roofline, stability, threads};
 use rayo_lab::measure::MachineClock;
 
-/// Seconds that a stage may take, by which the bar is divided.
+/// The estimated seconds of a stage, which divide the progress bar.
 fn seconds(stage: Stage, quick: bool) -> f64 {
     let (of_quick, of_full) = match stage {
         Stage::Experiment => (25.0, 300.0),
@@ -38,22 +38,22 @@ fn seconds(stage: Stage, quick: bool) -> f64 {
     if quick { of_quick } else { of_full }
 }
 
-/// Ticks that the table of one plan may take where nobody knows how long they are.
+/// The time for the table of one plan in ticks, if their frequency is unknown.
 const TICKS: u64 = 4_000_000_000;
-/// Scenes whose plans are shown.
+/// The scenes whose plans are shown.
 const PLANNED: [&str; 4] = ["sphere", "tetrahedron", "two-lights", "many"];
-/// The picture of which a ray is watched; small, since all of its row is stepped through to find
-/// the pixel.
+/// The size of the picture whose ray is shown. It is small, because all of the row is
+/// single-stepped to find the pixel.
 const WATCHED: (u32, u32) = (400, 300);
 
-/// The progress of all stages.
+/// The progress through all stages.
 struct Course {
     bar: ProgressBar,
     stop: Arc<AtomicBool>,
-    /// Of the bar: where the stage begins, and how much of it the stage has.
+    /// The position on the bar where the current stage begins, and the length of its part.
     begin: f64,
     share: f64,
-    /// Work of the stage: done, and all.
+    /// The work of the stage: the amount done, and the total.
     work: (u64, u64),
 }
 
@@ -63,7 +63,7 @@ impl Course {
         self.share = seconds(stage, quick);
         self.work = (0, 1);
         self.bar.set_message(stage.name());
-        // A log has a line for each stage where a terminal has the bar.
+        // Without a terminal, print a line for each stage instead of the bar.
         if self.bar.is_hidden() {
             let number = Stage::ALL.iter().position(|other| *other == stage).map_or(0, |place| place + 1);
             say(&format!("stage {number} of {}: {}", Stage::ALL.len(), stage.name()));
@@ -71,7 +71,7 @@ impl Course {
         self.show();
     }
 
-    /// Adds work that is done, of `all`; returns whether to go on.
+    /// Adds finished work, out of `all`. Returns whether to continue.
     fn done(&mut self, work: u64, all: u64) -> bool {
         self.work = (self.work.0 + work, all.max(1));
         self.show();
@@ -84,10 +84,10 @@ impl Course {
     }
 }
 
-/// Measures all that this machine can; `stopped` tells whether the user wanted an end before.
+/// Runs all stages that this machine can; sets `stopped` if the user ended them early.
 pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
     let total: f64 = Stage::ALL.iter().map(|stage| seconds(*stage, quick)).sum();
-    // Threads that were started after this one is pinned would share its core.
+    // Start the worker threads before this thread is pinned: they would inherit the pinning.
     on_all_cores(0, drop);
     let mut prepared = run::prepare()?;
     announce(total, (!quick).then_some("--quick"));
@@ -115,7 +115,7 @@ pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
     Ok(results)
 }
 
-/// Measures a stage; returns whether it came to its end.
+/// Runs a stage; returns whether it was completed.
 fn measure(
     stage: Stage,
     quick: bool,
@@ -258,14 +258,15 @@ fn watch_ray(results: &mut Results) -> Result<bool, Failure> {
     Ok(true)
 }
 
-/// The plan of a scene that comes with the program, for the fastest engine and a file of 8 bits.
+/// The plan of a scene that comes with the program, for the fastest engine and a file with 8 bits.
 fn plan(name: &str, quick: bool, clock: &mut MachineClock) -> Result<Planned, Failure> {
     let scene = subjects::shipped(name);
     let engine = Engine::fastest();
     let format = engine.format_for(true);
     let purpose = Purpose { format: Some(format), ..Purpose::default() };
     let report = Plan::new(engine, &scene, purpose).map_err(Failure::input)?.report();
-    // About half of the time goes into getting the scene ready in every way.
+    // Give measuring half of the stage's time: the rest is spent on preparing the scene in every
+    // variant.
     let patience = 0.5 * seconds(Stage::Plans, quick) / PLANNED.len() as f64;
     let ticks = rayo::internals::kernels::tsc_hz().map_or(TICKS, |hz| (patience * hz) as u64);
     let lines = &report.left_out;

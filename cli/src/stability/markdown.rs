@@ -1,4 +1,4 @@
-//! What was found as a page: `docs/results/stability.md`.
+//! The page `docs/results/stability.md`.
 
 use super::table::{costs, of_family, operations};
 use crate::essay::{absent_engines, part};
@@ -6,10 +6,10 @@ use crate::table::Table;
 use rayo_lab::experiments::stability::StabilityReport;
 use rayo_lab::families::{FAMILIES, Family, family};
 
-/// What a student should know first, and what stands before the tables of costs and of operations.
+/// The introduction for students, and the texts before the tables of costs and of operations.
 const EXPLANATION: &str = include_str!("explanation.md");
 
-/// The page: explanation, map, and a table for each family.
+/// The page: introduction, map, and a table for each family.
 pub fn text(document: &StabilityReport) -> String {
     let mut text = part(EXPLANATION, "the page").to_owned();
     text += &families();

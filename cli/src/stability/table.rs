@@ -1,4 +1,4 @@
-//! What was found as tables: one for each family.
+//! The tables of the results, one for each family.
 
 use crate::table::{Column, Table};
 use rayo_lab::experiments::stability::cost::Cost;
@@ -6,7 +6,7 @@ use rayo_lab::experiments::stability::operations::OperationRow;
 use rayo_lab::experiments::stability::{Stability, StabilityReport};
 use rayo_lab::families::family;
 
-/// The columns after engine and precision.
+/// The columns after those of engine and precision.
 const COLUMNS: [Column<Stability>; 10] = [
     ("t, ulp", |row| number(row.worst)),
     ("of bound", |row| number(row.bound)),
@@ -20,7 +20,7 @@ const COLUMNS: [Column<Stability>; 10] = [
     ("slowdown", |row| number(row.slowdown)),
 ];
 
-/// A row for each engine.
+/// The table of a family, with a row for each engine.
 pub(super) fn of_family(rows: &[Stability]) -> Table {
     let mut table = Table::new(1, ["engine"].into_iter().chain(COLUMNS.map(|(head, _)| head)));
     for row in rows {
@@ -30,7 +30,7 @@ pub(super) fn of_family(rows: &[Stability]) -> Table {
     table
 }
 
-/// A table for each family, and what limits could be tightened.
+/// A table for each family, and the limits that could be tightened.
 pub fn text(document: &StabilityReport) -> String {
     let mut text = String::new();
     for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
@@ -51,7 +51,7 @@ pub fn text(document: &StabilityReport) -> String {
     text + &document.tighter.iter().map(|line| format!("could be tightened: {line}\n")).collect::<String>()
 }
 
-/// What stiffness costs: a column for each kind of it.
+/// The table of what ill-conditioned scenes cost, with a column for each kind.
 pub(super) fn costs(costs: &[Cost]) -> String {
     let mut kinds: Vec<&str> = Vec::new();
     let mut rows: Vec<(String, Vec<&Cost>)> = Vec::new();
@@ -94,7 +94,7 @@ pub(super) fn operations(rows: &[OperationRow]) -> String {
     Table::of(4, &columns, rows).text()
 }
 
-/// Three digits, or a power of ten where that is far from 1; a dash for None.
+/// A number with three digits, or a power of ten if it is far from 1; a dash for None.
 pub(super) fn number(x: Option<f64>) -> String {
     match x {
         None => "-".into(),

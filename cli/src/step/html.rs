@@ -1,4 +1,4 @@
-//! The page of `rayo step --html`: one file whose tree folds, and through which the arrow keys
+//! The page of `rayo step --html`: a single file with a folding tree, through which the arrow keys
 //! step.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -9,7 +9,7 @@ use rayo_lab::experiments::step::{Change, Line, Node, Value, Watched};
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// The page; `error`: with the errors against exact values.
+/// The page; with `error`, the errors against exact values are shown.
 pub fn page(watched: &Watched, scene: &str, error: bool) -> String {
     let title = format!("{} - rayo step", text::title(watched));
     html! {

@@ -1,18 +1,18 @@
-//! The tree of `rayo step` in lines of text.
+//! The call tree of `rayo step` as lines of text.
 
 use crate::{BOLD, DIM, GREEN, RED, styled};
 use rayo_lab::experiments::step::{Argument, Change, Line, Node, Value, Watched};
 use rayo_lab::measure::instructions::Mix;
 
-/// How the tree is shown.
+/// Options for showing the tree.
 pub struct How {
-    /// Macros deeper than this are one line each.
+    /// Macros nested deeper than this take one line each.
     pub depth: Option<usize>,
-    /// The one macro that is told of.
+    /// The only macro that is shown, if given.
     pub only: Option<String>,
-    /// Whether the errors against exact values are told.
+    /// Whether errors against exact values are shown.
     pub error: bool,
-    /// Whether there are colours.
+    /// Whether colours are used.
     pub colour: bool,
 }
 
@@ -22,10 +22,10 @@ impl How {
     }
 }
 
-/// Columns of the instruction's text.
+/// The width of the column with the instruction's source.
 const SOURCE: usize = 44;
 
-/// All of it.
+/// The whole text.
 pub fn text(watched: &Watched, how: &How) -> String {
     let mut out = String::new();
     out += &format!("{}\n", how.styled(BOLD, &title(watched)));
@@ -36,7 +36,7 @@ pub fn text(watched: &Watched, how: &How) -> String {
         + &work(watched)
 }
 
-/// One line that says what is watched.
+/// A line that says what is followed.
 pub fn title(watched: &Watched) -> String {
     let Watched { engine, precision, pixel, lane, lanes, .. } = watched;
     let of = match pixel {
@@ -47,17 +47,17 @@ pub fn title(watched: &Watched) -> String {
     of + &lane
 }
 
-/// So many instructions, in words.
+/// A number of instructions, in words.
 pub fn count(instructions: usize) -> String {
     if instructions == 1 { "1 instruction".into() } else { format!("{instructions} instructions") }
 }
 
-/// Padding, in words.
+/// The line for instructions that pad to an alignment, in words.
 pub fn padding(instructions: usize) -> String {
     format!("{} of padding up to an alignment", count(instructions))
 }
 
-/// What is not told of, in words.
+/// The line for omitted rounds of a loop, in words.
 pub fn others(rounds: usize, instructions: usize) -> String {
     let rounds = if rounds == 1 { "one round".into() } else { format!("{rounds} rounds") };
     format!("… {rounds} for other pixels or without effect on this one: {}", count(instructions))
@@ -149,7 +149,7 @@ fn step(out: &mut String, line: &Line, how: &How) {
     }
 }
 
-/// One element alone, more in brackets.
+/// The values of a register: a single element as it is, several in brackets.
 pub fn elements(values: &[Value]) -> String {
     match values {
         [value] => value.to_string(),
@@ -163,18 +163,18 @@ fn changes(change: &Change, how: &How) -> String {
     format!("{} {} {} {}", how.styled(BOLD, name), how.styled(DIM, &before), how.styled(DIM, "→"), after)
 }
 
-/// What exact values would do.
+/// The remark on a decision that exact values would turn out differently.
 pub const OVERTURNED: &str = "exact values would decide otherwise";
 
-/// What the elements of a change have lost, in words.
+/// The errors of a change, in words.
 pub struct Lost {
-    /// How far they are from exact values.
+    /// How far the elements are from exact values.
     pub error: String,
-    /// How many bits cancelled, where that is worth a word.
+    /// How many bits cancelled, if they are worth mentioning.
     pub cancelled: Option<String>,
 }
 
-/// What is known of a change's digits.
+/// The errors of a change; None if no exact value is known.
 pub fn lost(change: &Change) -> Option<Lost> {
     let Change { error_ulp, added_ulp, cancelled_bits, after, .. } = change;
     let known = || error_ulp.iter().flatten().copied();
@@ -192,10 +192,10 @@ pub fn lost(change: &Change) -> Option<Lost> {
     Some(Lost { error, cancelled: cancelled.map(|bits| format!("{bits} of {digits} bits cancelled here")) })
 }
 
-/// Cancelled bits that are worth a word.
+/// More cancelled bits than this are mentioned.
 const MUCH: u32 = 2;
 
-/// An error with three digits.
+/// An error in units of the last place, with three digits.
 fn in_ulp(error: f64) -> String {
     match error.abs() {
         0.0 => "0".into(),
@@ -204,8 +204,8 @@ fn in_ulp(error: f64) -> String {
     }
 }
 
-/// The instructions that cost most, with the macros that they are in; where one macro alone is told
-/// of, those outside of it are said to be.
+/// The instructions that lost most accuracy, with the macros around them. If only one macro is
+/// shown, instructions outside of it are marked.
 pub fn dearest(watched: &Watched, only: Option<&str>) -> String {
     let mut out = String::new();
     if !watched.dearest.iter().any(|&at| watched.steps[at].cost() > LITTLE) {
@@ -225,10 +225,10 @@ pub fn dearest(watched: &Watched, only: Option<&str>) -> String {
     out
 }
 
-/// A cost that is no news: some roundings, and what a few bits that cancel make of them.
+/// A loss that is not worth mentioning: a few roundings, slightly amplified by cancellation.
 const LITTLE: f64 = 10.0;
 
-/// What went into a macro, and what came out.
+/// The inputs and results of a macro.
 pub fn values(arguments: &[Argument]) -> String {
     let mut told = String::new();
     for Argument { name, kind, values, .. } in arguments {
@@ -243,11 +243,11 @@ pub fn values(arguments: &[Argument]) -> String {
     told
 }
 
-/// What came of it: the hit and the colour, or the result.
+/// The outcome: the hit and the colour of the ray, or the result of the operation.
 pub fn outcome(watched: &Watched) -> String {
     let mut out = String::new();
     let Watched { precision, hit, colour, result, same_as_twin, failure, .. } = watched;
-    // In the numbers of the engine: what is a float is told as one.
+    // In the engine's precision, so that f32 are printed with as few digits as identify them.
     let number = |v: f64| if *precision == "double" { Value::Double(v) } else { Value::Single(v as f32) };
     let vector = |v: &[f64; 3]| elements(&v.map(number));
     if colour.is_some() {
@@ -274,8 +274,7 @@ pub fn outcome(watched: &Watched) -> String {
     out
 }
 
-/// What it took: how many instructions of which kinds, and how far the model of them has been
-/// checked.
+/// The number of instructions and their kinds, and how thoroughly the model of them was checked.
 pub fn work(watched: &Watched) -> String {
     let Watched { instructions, unknown, bits_compared, kinds, .. } = watched;
     let Mix { arithmetic, shuffle, load, store, branch, r#move, other, .. } = kinds;

@@ -1,4 +1,4 @@
-//! Several machines side by side.
+//! The page that compares several machines.
 
 use maud::html;
 
@@ -8,8 +8,7 @@ use crate::table::Table;
 use rayo_lab::experiments::machines::{self, AgainstBound, RatioOfMachine};
 use rayo_lab::experiments::report::Results;
 
-/// What several machines say of the same claims; each by its number, since two may have the same
-/// name.
+/// The sections of the comparison. Machines are numbered, since two may have the same name.
 pub fn sections(all: &[Results]) -> Result<Vec<Section>, Failure> {
     let names: Vec<String> =
         all.iter().enumerate().map(|(place, results)| format!("{}: {}", place + 1, results.machine.cpu())).collect();
@@ -59,7 +58,7 @@ pub fn sections(all: &[Results]) -> Result<Vec<Section>, Failure> {
     Ok(vec![holds, shares, speed, machines])
 }
 
-/// Claims down, machines across.
+/// A table with a row for each claim and a column for each machine.
 fn claims(all: &[Results], names: &[String]) -> Table {
     let mut table = Table::new(usize::MAX, ["claim".to_owned()].into_iter().chain(names.iter().cloned()));
     let claims =
@@ -75,8 +74,8 @@ fn claims(all: &[Results], names: &[String]) -> Table {
     table
 }
 
-/// Each engine's cycles a pixel in the experiment's largest picture, by what the widest stores of
-/// its bytes take.
+/// The cycles per pixel of each engine in the experiment's largest picture, relative to the cycles
+/// that the widest stores of its pixels would take alone.
 fn bounds(all: &[Results], names: &[String]) -> Table {
     let mut table =
         Table::new(3, ["machine", "engine", "picture", "cycles a pixel", "bound, cycles a pixel", "times the bound"]);

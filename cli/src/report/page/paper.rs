@@ -1,5 +1,5 @@
-//! What the paper claims, and what became of it here: verdicts, its table and figure, the ladder,
-//! its operations.
+//! The paper's claims and what the measurements say about them: verdicts, the paper's table and
+//! figure, the ladder, and the operations.
 
 use maud::{Markup, html};
 
@@ -14,7 +14,7 @@ use rayo_lab::experiments::report::{Results, Stage};
 use rayo_lab::experiments::svg::PlotError;
 use rayo_lab::experiments::verdict::Verdict;
 
-/// The strip: a card for each claim.
+/// The section of verdicts: a card for each claim.
 pub fn verdicts(results: &Results) -> Section {
     let content = match &results.experiment {
         None => absent(results, Stage::Experiment),
@@ -42,14 +42,14 @@ fn card(Claim { claim, verdict, figure }: &Claim) -> Markup {
     }
 }
 
-/// What a teacher would say of a claim.
+/// The explanation of a claim for students.
 fn sentence(claim: &str) -> Option<&'static str> {
     let begin = format!("<!-- part: claim: {claim} -->\n");
     let (_, text) = EXPLANATION.split_once(&begin)?;
     text.lines().next()
 }
 
-/// Figure 2 and the table of twenty sizes.
+/// The section of figure 2 and the table of twenty sizes.
 pub fn experiment(results: &Results) -> Result<Section, PlotError> {
     let content = match &results.experiment {
         None => absent(results, Stage::Experiment),
@@ -71,7 +71,7 @@ pub fn experiment(results: &Results) -> Result<Section, PlotError> {
     Ok(Section { title: "The experiment", id: "experiment", content })
 }
 
-/// The waterfall, and what shares the factor has.
+/// The section of the ladder: a waterfall diagram, and the share of each cause in the speedup.
 pub fn ladder(results: &Results) -> Result<Section, PlotError> {
     let content = match &results.experiment {
         Some(document) if !document.ladder.is_empty() => html! {
@@ -89,12 +89,12 @@ pub fn ladder(results: &Results) -> Result<Section, PlotError> {
     Ok(Section { title: "Where the factor comes from", id: "ladder", content })
 }
 
-/// Each cause of a factor with its share.
+/// The table of causes, each with its share in the speedup.
 pub fn shares(explanations: &[Explanation]) -> Table {
     let mut table = Table::new(3, ["from", "to", "cause", "factor", "share"]);
     for Explanation { from, to, factor, shares } in explanations {
         let mut row = |cause: &str, factor: f64, percent: f64| {
-            // Not -0.
+            // Adding 0 turns -0 into 0.
             let (factor, percent) = (format!("{factor:.2}"), format!("{:.0} %", percent.round() + 0.0));
             table.row(vec![from.to_string(), to.to_string(), cause.into(), factor, percent]);
         };
@@ -104,7 +104,7 @@ pub fn shares(explanations: &[Explanation]) -> Table {
     table
 }
 
-/// Counts of instructions, and cycles against them.
+/// The section of instruction counts, and of cycles against them.
 pub fn operations(results: &Results) -> Result<Section, PlotError> {
     let content = match &results.ops {
         None => absent(results, Stage::Ops),
@@ -125,7 +125,8 @@ pub fn operations(results: &Results) -> Result<Section, PlotError> {
     Ok(Section { title: "Instructions of each operation", id: "operations", content })
 }
 
-/// Operations down, implementations across: instructions of the body for each vector.
+/// A table with a row for each operation and a column for each implementation: instructions in the
+/// body per vector.
 fn counts(report: &ops::Report) -> Table {
     let shown = |row: &Counts| row.per_vector.or(row.body.map(|count| count as f64));
     let has = |name: &&str| report.rows.iter().any(|row| row.implementation == *name && shown(row).is_some());
@@ -147,7 +148,7 @@ fn counts(report: &ops::Report) -> Table {
     table
 }
 
-/// Of the paper's macros and of the widest packets.
+/// The listings of an operation by the paper's macros and by the widest packets.
 fn listings(report: &ops::Report, op: &str) -> Markup {
     let of_op = || report.rows.iter().filter(|row| row.op == op && !row.listing.is_empty());
     let widest = of_op().rfind(|row| ["sse41", "avx2", "avx512"].contains(&&*row.implementation));

@@ -1,4 +1,5 @@
-//! Scenes: what they do not need, how every engine shows them, and one ray of one of them.
+//! The sections about scenes: what the plan omits, the pictures of all engines, and one ray through
+//! a scene.
 
 use maud::{Markup, html};
 
@@ -49,13 +50,14 @@ pub fn gallery(results: &Results) -> Result<Section, PlotError> {
     })
 }
 
-/// A picture of a set to switch between: what it shows, and its PNG in base64.
+/// One of the pictures of a set that the reader can switch between: its name, and its PNG in
+/// base64.
 struct Side<'a> {
     name: String,
     png: &'a str,
 }
 
-/// The reference's picture, the one that is farthest from it, and the difference of the two.
+/// The picture of the reference, the picture that differs most from it, and their difference.
 fn sides(shown: &Shown) -> Vec<Side<'_>> {
     let mut sides = Vec::new();
     if let Some((reference, png)) = shown.pictures.first().and_then(|shot| Some((&shot.engine, shot.png.as_deref()?))) {
@@ -89,8 +91,8 @@ fn flip(shown: &Shown, number: usize) -> Markup {
     }
 }
 
-/// How far every engine's picture is from the reference's; engines with the same picture share a
-/// row.
+/// A table of how far each engine's picture is from the reference's. Engines with the same picture
+/// share a row.
 fn apart(shown: &Shown) -> Markup {
     let mut table = Table::new(1, ["engine", "pixels that differ", "by levels, at most"]);
     for shot in shown.pictures.iter().skip(1).filter(|shot| shot.like.is_none()) {
@@ -105,7 +107,7 @@ fn apart(shown: &Shown) -> Markup {
     }
 }
 
-/// The names of an engine and of those with the same picture.
+/// The name of an engine, and of those with the same picture.
 fn like(shown: &Shown, shot: &Shot) -> String {
     let like = shown.pictures.iter().filter(|other| other.like.as_ref() == Some(&shot.engine));
     [&*shot.engine].into_iter().chain(like.map(|other| &*other.engine)).collect::<Vec<_>>().join(", ")

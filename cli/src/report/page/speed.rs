@@ -1,4 +1,4 @@
-//! How fast the engines are: beside the machine's limits, and as pictures and scenes grow.
+//! The sections about speed: relative to the machine's limits, and as pictures and scenes grow.
 
 use maud::html;
 
@@ -44,7 +44,7 @@ fn limits(roofline: &Roofline) -> Table {
     table
 }
 
-/// Pixels, objects, lights, threads.
+/// The section of how time grows with pixels, objects, lights and threads.
 pub fn scaling(results: &Results) -> Result<Section, PlotError> {
     let content = html! {
         @match &results.complexity {

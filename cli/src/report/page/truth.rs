@@ -1,4 +1,5 @@
-//! How accurate the engines are: error against run time, and the map of stiff and extreme scenes.
+//! The sections about accuracy: error against run time, and the map of ill-conditioned and extreme
+//! scenes.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +13,11 @@ use rayo_lab::experiments::stability::{Cell, StabilityReport};
 use rayo_lab::experiments::svg::{PlotError, Screen};
 use rayo_lab::families::family;
 
-/// One panel large, the others to be opened.
+/// The section of error against run time: one large panel, the others folded.
 pub fn accuracy(results: &Results) -> Result<Section, PlotError> {
     section(results, Stage::Accuracy, "Error against run time", "accuracy", &results.accuracy, |document| {
         let panels = plot::panels(&document.rows);
-        // Of all scenes the far spheres show most: there the paper's formula loses its digits.
+        // Start with the far spheres, which show most: the paper's formula loses its digits there.
         let chosen = panels.iter().position(|(title, _)| title.starts_with("S1")).unwrap_or(0);
         Ok(html! {
             @if let Some(panel) = panels.get(chosen) { (figure(|screen| plot::one_figure(panel, screen), &label(&panel.0))?) }
@@ -34,7 +35,8 @@ fn label(scene: &str) -> String {
     format!("Error of a linear colour against nanoseconds a ray: {scene}.")
 }
 
-/// Families down, engines across; each family opens to the values of its parameter.
+/// The section of the map: a row for each family, a column for each engine. A family unfolds to a
+/// row for each value of its parameter.
 pub fn stability(results: &Results) -> Result<Section, PlotError> {
     section(results, Stage::Stability, "Stiff and extreme scenes", "stability", &results.stability, |document| {
         Ok(html! {
@@ -44,7 +46,7 @@ pub fn stability(results: &Results) -> Result<Section, PlotError> {
     })
 }
 
-/// The shade of most cells, which the style sheet gives to cells without a class.
+/// The shade of most cells; cells without a class have it by the style sheet.
 const USUAL: usize = 1;
 
 fn shade_class(shade: usize) -> String {
@@ -110,7 +112,7 @@ fn map(document: &StabilityReport) -> Markup {
     }
 }
 
-/// The cells of each value, from the first to the last.
+/// The cells of each value of the parameter, in ascending order.
 fn levels(cells: &[Cell]) -> Vec<Vec<&Cell>> {
     let mut levels: BTreeMap<usize, Vec<&Cell>> = BTreeMap::new();
     for cell in cells {
@@ -126,18 +128,18 @@ fn worst(cells: &[Cell], contender: (&str, &str)) -> Markup {
     worst.map_or_else(|| html! { td {} }, |cell| shown(cell, false))
 }
 
-/// The command that repeats a cell of the family, in two parts: before its engine, and after its
-/// case. The style sheet joins them where the focus or the pointer is, since thousands of cells
-/// share them.
+/// The command that repeats a cell of the family, as two CSS variables: the text before the engine,
+/// and the text after the case number. The style sheet assembles the command for the cell with the
+/// focus or pointer, so that the page does not repeat it for thousands of cells.
 fn command(family: &str, document: &StabilityReport) -> String {
-    // The name may come from a file, and must not end the quotes.
+    // The name may come from a file: keep out quotes, which would end the CSS string.
     let family: String = family.chars().filter(char::is_ascii_alphanumeric).collect();
     let quick = if document.quick { " --quick" } else { "" };
     let seed = document.seed;
     format!("--before:'rayo stability --family {family} --engine ';--after:' --seed {seed}{quick}'")
 }
 
-/// A cell: its figure, and the engine and the case of the command that shows it again.
+/// A cell: its figure, and the engine and case number for the command that repeats it.
 fn shown(cell: &Cell, focus: bool) -> Markup {
     let shade = shade(cell);
     let wrong = cell.wrong_hits.max(cell.off_by_2) as f64 / cell.rays.max(1) as f64;
