@@ -67,7 +67,12 @@ pub fn page(machines: &[Results]) -> Result<String, Failure> {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { "rayo report - " (title) }
-                style { (PreEscaped(style())) }
+                style {
+                    (PreEscaped(style()))
+                    @if let [Results { stability: Some(document), .. }] = machines {
+                        (PreEscaped(truth::style_of_columns(document)))
+                    }
+                }
             }
             body {
                 a.skip href="#content" { "Skip to the content" }

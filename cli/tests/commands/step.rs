@@ -279,6 +279,6 @@ fn bad_use_is_told_with_what_to_do() {
         let folder = tempfile::tempdir().unwrap();
         program::rayo(["make", "torus", "--triangles", "8000", "-o", "ring.obj"], folder.path()).printed();
         program::rayo(["step", "ring.obj"], folder.path())
-            .refuses("choose packets by --engine, or a scene with fewer objects");
+            .refuses("choose packets by --engine auto, or a scene with fewer objects");
     }
 }

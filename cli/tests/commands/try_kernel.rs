@@ -383,7 +383,7 @@ fn what_cannot_be_tried_is_told_in_a_sentence() {
         (&["absolute.asm"], "write `default rel` at the top"),
         (&["dot.asm", "--op", "dots"], "error: there is no operation `dots`; there are: add, sub, scale, dot"),
         (&["dot.asm", "--symbol", "norm"], "error: dot.asm has no function `norm`; it has: dot"),
-        (&["dot.asm", "--timeout", "0"], "0 is not in 1..=3600"),
+        (&["dot.asm", "--timeout", "0"], "expected a whole number from 1 to 3600"),
         (&[], "tip: for example"),
         (&["--template", "asm", "--op", "dots"], "there is no operation `dots`"),
     ] {

@@ -53,13 +53,30 @@ fn shade_class(shade: usize) -> String {
     format!("s{shade}")
 }
 
-fn map(document: &StabilityReport) -> Markup {
-    let mut contenders: Vec<(&str, &str)> = Vec::new();
+/// The engines and precisions of a document, in their order: the columns of its maps.
+fn contenders(document: &StabilityReport) -> Vec<(&str, &str)> {
+    let mut contenders = Vec::new();
     for cell in &document.cells {
         if !contenders.contains(&cell.contender()) {
             contenders.push(cell.contender());
         }
     }
+    contenders
+}
+
+/// The rules by which each column of the maps tells its cells their engine, in the variable
+/// `--engine`: thousands of cells share it.
+pub fn style_of_columns(document: &StabilityReport) -> String {
+    let contenders = contenders(document);
+    // The first child of a row is its heading.
+    let rule = |((engine, _), child): (&(&str, &str), usize)| {
+        format!(".map td:nth-child({child}) {{ --engine: '{}'; }}\n", bare(engine))
+    };
+    contenders.iter().zip(2..).map(rule).collect()
+}
+
+fn map(document: &StabilityReport) -> Markup {
+    let contenders = contenders(document);
     let families: Vec<&[Cell]> = document.cells.chunk_by(|a, b| a.family == b.family).collect();
     let head = |first: &str| {
         html! {
@@ -112,6 +129,11 @@ fn map(document: &StabilityReport) -> Markup {
     }
 }
 
+/// The letters and digits of a name, which may come from a file: quotes would end a CSS string.
+fn bare(name: &str) -> String {
+    name.chars().filter(char::is_ascii_alphanumeric).collect()
+}
+
 /// The cells of each value of the parameter, in ascending order.
 fn levels(cells: &[Cell]) -> Vec<Vec<&Cell>> {
     let mut levels: BTreeMap<usize, Vec<&Cell>> = BTreeMap::new();
@@ -132,14 +154,13 @@ fn worst(cells: &[Cell], contender: (&str, &str)) -> Markup {
 /// and the text after the case number. The style sheet assembles the command for the cell with the
 /// focus or pointer, so that the page does not repeat it for thousands of cells.
 fn command(family: &str, document: &StabilityReport) -> String {
-    // The name may come from a file: keep out quotes, which would end the CSS string.
-    let family: String = family.chars().filter(char::is_ascii_alphanumeric).collect();
+    let family = bare(family);
     let quick = if document.quick { " --quick" } else { "" };
     let seed = document.seed;
     format!("--before:'rayo stability --family {family} --engine ';--after:' --seed {seed}{quick}'")
 }
 
-/// A cell: its figure, and the engine and case number for the command that repeats it.
+/// A cell: its figure, and the case number for the command that repeats it.
 fn shown(cell: &Cell, focus: bool) -> Markup {
     let shade = shade(cell);
     let wrong = cell.wrong_hits.max(cell.off_by_2) as f64 / cell.rays.max(1) as f64;
@@ -151,7 +172,7 @@ fn shown(cell: &Cell, focus: bool) -> Markup {
         (_, None) => "-".to_owned(),
     };
     html! {
-        td class=[(shade != USUAL).then(|| shade_class(shade))] data-engine=(cell.engine) data-case=(cell.worst_case)
+        td class=[(shade != USUAL).then(|| shade_class(shade))] data-case=(cell.worst_case)
             tabindex=[focus.then_some("0")] { (figure) }
     }
 }
