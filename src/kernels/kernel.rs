@@ -218,7 +218,7 @@ pub fn checked<R>(work: impl FnOnce() -> R) -> R {
     unbroken(examine(work))
 }
 
-/// As [`checked`], with subnormal numbers switched off during these calls, as results and as
+/// As `checked`, with subnormal numbers switched off during these calls, as results and as
 /// operands (FTZ and DAZ of MXCSR). It serves to show that nothing depends on them.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
     unbroken(checking(true, work))

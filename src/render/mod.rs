@@ -29,9 +29,9 @@ pub use hits::{Counted, Distance, Found, Hit};
 #[cfg(feature = "files")]
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
 pub use lit::LitTracer;
-#[cfg(feature = "files")]
-#[cfg(not(target_os = "linux"))]
+#[cfg(all(feature = "files", not(target_os = "linux")))]
 pub use output::remove_unfinished;
+#[cfg(feature = "files")]
 pub use output::{Existing, OutputError, OutputFile, is_standard_error, is_standard_output};
 #[cfg(feature = "files")]
 pub use picture::{Picture, Pixels};

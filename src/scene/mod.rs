@@ -92,7 +92,9 @@ impl Light {
 /// Faces that were transformed to camera coordinates.
 pub(crate) struct MovedFaces {
     pub faces: Faces,
-    /// The numbers of the faces that have no area after the transformation.
+    /// The numbers of the faces that have no area after the transformation: readers of files warn
+    /// of them.
+    #[cfg_attr(not(feature = "files"), expect(dead_code))]
     pub without_area: Vec<usize>,
 }
 

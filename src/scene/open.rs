@@ -311,7 +311,7 @@ pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Resu
     within(File::open(path)?, metadata.len(), limit, advice)
 }
 
-/// As [`contents_within`], for text in UTF-8.
+/// As `contents_within`, for text in UTF-8.
 pub fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
     String::from_utf8(contents_within(path, limit, advice)?)
         .map_err(|error| io::Error::new(ErrorKind::InvalidData, error))

@@ -44,6 +44,7 @@ impl NoArea {
     }
 
     /// Adds this many further triangles, which are not listed.
+    #[cfg(feature = "files")]
     pub(super) fn add_more(&mut self, count: usize) {
         self.more += count;
     }

@@ -1,7 +1,7 @@
 //! A function that a user brings: run in processes of its own, checked, counted and timed.
 //!
 //! The code may do anything: end its process, overwrite it, or loop for ever. So each stage of the
-//! checks is a process ([`serve`]), which reports what it finds to this one ([`process`]), and
+//! checks is a process ([`serve`]), which reports what it finds to this one (`process`), and
 //! whose death is a finding too.
 
 pub mod bounded;

@@ -234,7 +234,7 @@ impl Code {
     }
 
     /// The function of this process that begins at `address`; None if its code cannot be read. Its
-    /// end is found by [`reached`].
+    /// end is found by `reached`.
     pub fn of_function(symbol: &str, address: usize) -> Option<Code> {
         let instructions = reached(kernels::code_at(address)?);
         Some(Code { symbol: symbol.into(), instructions, body: None })

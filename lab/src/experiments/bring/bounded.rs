@@ -13,7 +13,7 @@
 //!   roundings; a root is one;
 //! - a result below the normal numbers errs by half of the least denormal more.
 //!
-//! Terms of second order are covered by [`MARGIN`]. Where a comparison is undecided within the
+//! Terms of second order are covered by `MARGIN`. Where a comparison is undecided within the
 //! bounds, both outcomes are right: [`outcomes`] takes them one after the other.
 
 use std::cell::RefCell;
