@@ -95,7 +95,8 @@ fn meshes_and_scenes_of_other_programs_are_unsupported_formats() {
         let files = directory(&[(name, content)]);
         let message =
             format!("error: `{name}`: unsupported format: rayo reads scenes as .in and .toml, meshes as .obj");
-        for command in ["render", "plan", "accuracy", "step"] {
+        let step = crate::CAN_STEP.then_some("step");
+        for command in ["render", "plan", "accuracy"].into_iter().chain(step) {
             run(&format!("{command} {name}"), &files).refuses(&message);
         }
     }
@@ -204,6 +205,7 @@ fn where_an_argument_is_missing_there_are_examples() {
     }
 }
 
+#[cfg(all(feature = "asm", target_arch = "x86_64"))]
 #[test]
 fn a_compiler_is_no_implementation_and_what_is_one_is_listed() {
     let files = directory(&[]);

@@ -40,3 +40,6 @@ mod step;
 #[cfg(all(feature = "asm", target_arch = "x86_64", target_os = "linux"))]
 mod try_kernel;
 mod usage;
+
+/// Whether this build has kernels in assembly, which `rayo step` follows.
+const CAN_STEP: bool = cfg!(all(feature = "asm", target_arch = "x86_64", target_os = "linux"));
