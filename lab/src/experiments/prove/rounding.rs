@@ -1,10 +1,10 @@
 //! Bounds of rounding errors, proved by counting the roundings of each term of a polynomial.
 //!
 //! A computation of products and sums is a polynomial of its inputs. A term that goes through k
-//! roundings, each with a relative error of at most u, has a relative error of at most (1 + u)^k -
-//! 1. The error of the whole is therefore at most the sum of these errors, each times the magnitude
-//! of its term. The expressions come from the machine code, and the constants are imported from
-//! where they are used. Underflow and overflow are not considered.
+//! roundings, each with a relative error of at most u, has a relative error of at most
+//! (1 + u)^k - 1. The error of the whole is therefore at most the sum of these errors, each times
+//! the magnitude of its term. The expressions come from the machine code, and the constants are
+//! imported from where they are used. Underflow and overflow are not considered.
 
 use std::collections::BTreeMap;
 
