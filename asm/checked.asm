@@ -28,7 +28,7 @@ canary:     dq 0xcafe_0dd_ca7_5eed
 
 section .bss align=64
 upper:      resb 16 * 64                ; zmm0 to zmm15 as the kernel left them
-home:       resq 1                      ; rsp at the call: a kernel may spoil every register, so memory keeps it
+home:       resq 1                      ; rsp at the call: a kernel may spoil every register, so memory keeps it; else 0
 registers:  resq 1                      ; address of the arguments, where the result goes too
 vectors:    resq 1
 mxcsr:      resd 1                      ; the caller's
@@ -60,7 +60,6 @@ FUNC checked_call
     push    r14
     push    r15
     sub     rsp, 8 * CANARIES + 8       ; aligned to 16 at the call
-    mov     [home], rsp
     mov     [registers], rsi
     mov     [vectors], rdx
     stmxcsr [mxcsr]
@@ -92,12 +91,14 @@ FUNC checked_call
     mov     r13, [junk + 24]
     mov     r14, [junk + 32]
     mov     r15, [junk + 40]
+    mov     [home], rsp                 ; last: from here on a crash can return
     call    rax
 
     xor     r10d, r10d                  ; the faults
     cmp     rsp, [home]
     FAULT_IF ne, FAULT_RSP
     mov     rsp, [home]
+    mov     qword [home], 0
     mov     rdx, [registers]
     mov     [rdx], rax
     cmp     rbx, [junk]
@@ -185,6 +186,7 @@ ENDFUNC
 ; continue here, whatever the kernel left in the registers. The call returns as if no rule had been broken.
 FUNC checked_crashed
     mov     rsp, [home]
+    mov     qword [home], 0
     ldmxcsr [mxcsr]
     xor     r10d, r10d
     cmp     qword [vectors], 16
@@ -193,6 +195,13 @@ FUNC checked_crashed
 .report:
     jmp     rayo_checked_call.report
     END
+
+; unsafe extern "sysv64" fn() -> u64
+;
+;   Not 0 while a call has all that it needs to go on in checked_crashed.
+FUNC checked_home
+    mov     rax, [home]
+ENDFUNC
 
 ; The broken kernels: each breaks exactly one rule, so that every check is seen to fail.
 

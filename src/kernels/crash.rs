@@ -102,6 +102,7 @@ mod imp {
 
     convention! { foreign {
         fn rayo_checked_crashed();
+        fn rayo_checked_home() -> u64;
     } }
 
     pub fn caught<R>(call: impl FnOnce() -> R) -> Result<R, Box<Crash>> {
@@ -173,7 +174,8 @@ mod imp {
         let crash = Crash { signal, code, address, rip, general };
         // Signals that processes send have codes of at most 0.
         let is_fault = code > 0;
-        if is_fault && IN_CHECKED_CALL.replace(false) {
+        if is_fault && IN_CHECKED_CALL.get() && is_in_kernel() {
+            IN_CHECKED_CALL.set(false);
             LAST.set(Some(crash));
             registers[libc::REG_EFL as usize] &= !DIRECTION_AND_TRAP;
             registers[libc::REG_RIP as usize] = rayo_checked_crashed as *const () as i64;
@@ -208,6 +210,13 @@ mod imp {
                 }
             }
         }
+    }
+
+    /// Whether the checked call that this thread makes has entered its kernel and not come back: a
+    /// timer may end right before and after that too.
+    fn is_in_kernel() -> bool {
+        // SAFETY: reads one word, and changes nothing.
+        unsafe { rayo_checked_home() != 0 }
     }
 
     /// Continues after a crash, instead of the kernel and on a stack of its own.

@@ -34,8 +34,12 @@ fn inside(layout: Layout) -> usize {
     layout.size().next_multiple_of(PAGE)
 }
 
-/// Maps a new block of zeros next to a guard page; null if the system has no memory for it.
+/// Maps a new block of zeros next to a guard page; null if the system has no memory for it, or if
+/// the alignment is more than a page.
 fn map(layout: Layout, side: Side) -> *mut u8 {
+    if layout.align() > PAGE {
+        return ptr::null_mut();
+    }
     let (inside, flags) = (inside(layout), libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
     let start = ptr::without_provenance_mut(NEXT.fetch_add(inside + 2 * PAGE, Ordering::Relaxed));
     // SAFETY: a new mapping, which replaces no other: without MAP_FIXED the address is only a hint.
@@ -82,7 +86,7 @@ impl Fenced {
     /// of a guard page.
     ///
     /// # Errors
-    /// If the system has no memory for the block.
+    /// If the system has no memory for the block, or `align` is more than a page.
     ///
     /// # Panics
     /// If `align` is not a power of two.
@@ -132,8 +136,9 @@ impl Fenced {
     /// # Panics
     /// If the argument has fewer bytes.
     pub fn bytes(&self, count: usize) -> Vec<u8> {
-        assert!(count <= self.layout.size());
-        // SAFETY: the bytes are within the block, and any value is valid for them.
+        assert!(count <= self.len, "an argument of {} bytes has no {count}", self.len);
+        // SAFETY: the bytes are within the block, which can be read if it has any, and any value is
+        // valid for them.
         (0..count).map(|index| unsafe { self.block.add(index).read_volatile() }).collect()
     }
 

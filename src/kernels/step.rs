@@ -331,6 +331,11 @@ mod imp {
         let s = &SHARED;
         increment(&s.traps);
         let done = s.current.load(Relaxed);
+        if !is_code(rip) {
+            // The CPU faults there when this handler has returned.
+            registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
+            return;
+        }
         // SAFETY: the instruction at `rip` is about to be executed, so that its bytes can be read.
         if done == rip && unsafe { repeats(rip as *const u8) } {
             // SAFETY: as above; and the registers are those with which the instruction will be
@@ -375,6 +380,24 @@ mod imp {
             registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
             s.stopped.store(stop, Relaxed);
         }
+    }
+
+    /// Whether memory can be read at the address of an instruction. After a jump to a wild address
+    /// it cannot.
+    fn is_code(rip: usize) -> bool {
+        // The mask of signals is read from the aligned word that holds `rip`, which lies in the
+        // same page; at address 0 the system would read none. SAFETY: no mask is set, since no
+        // operation has such a number: the call fails with EFAULT if the word cannot be read, and
+        // with another error if it can. The interrupted code's error number is restored.
+        rip > 7
+            && unsafe {
+                let errno = libc::__errno_location();
+                let before = *errno;
+                libc::syscall(libc::SYS_rt_sigprocmask, !0_usize, rip & !7, 0_usize, 8_usize);
+                let is_there = *errno != libc::EFAULT;
+                *errno = before;
+                is_there
+            }
     }
 
     /// Whether the instruction is a system call after which a trap would kill a process: one that
