@@ -2,6 +2,8 @@
 
 use clap::ValueEnum;
 
+use rayo_lab::experiments::bring::wanted::{Type, Wanted};
+
 /// What a template is written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Language {
@@ -32,41 +34,19 @@ impl Language {
     }
 }
 
-/// An operation, what it computes, and the types of its result and arguments.
-struct Operation {
-    name: &'static str,
-    formula: &'static str,
-    types: [&'static str; 3],
-}
-
-const OPERATIONS: [Operation; 11] = [
-    Operation { name: "add", formula: "a + b in each lane", types: ["Vec4", "Vec4", "Vec4"] },
-    Operation { name: "sub", formula: "a - b in each lane", types: ["Vec4", "Vec4", "Vec4"] },
-    Operation { name: "scale", formula: "a times the scalar b in each lane", types: ["Vec4", "Vec4", "float"] },
-    Operation { name: "dot", formula: "a . b", types: ["float", "Vec4", "Vec4"] },
-    Operation { name: "norm", formula: "the length of a; there is no b", types: ["float", "Vec4", ""] },
-    Operation { name: "cross", formula: "a x b", types: ["Vec4", "Vec4", "Vec4"] },
-    Operation { name: "normalise", formula: "a divided by its length; there is no b", types: ["Vec4", "Vec4", ""] },
-    Operation {
-        name: "sphere",
-        formula: "the least t > 0 at which t a is on the sphere b, infinity for none",
-        types: ["float", "Vec4", "Sphere"],
-    },
-    Operation {
-        name: "triangle",
-        formula: "the t > 0 at which t a is in the triangle b, infinity for none",
-        types: ["float", "Vec4", "Triangle"],
-    },
-    Operation {
-        name: "lambert",
-        formula: "the light that b adds to the surface a on the side of its normal",
-        types: ["Vec4", "Surface", "Light"],
-    },
-    Operation {
-        name: "lambert2",
-        formula: "the light that b adds to the surface a, which has two sides",
-        types: ["Vec4", "Surface", "Light"],
-    },
+/// What each operation computes.
+const FORMULAS: [(&str, &str); 11] = [
+    ("add", "a + b in each lane"),
+    ("sub", "a - b in each lane"),
+    ("scale", "a times the scalar b in each lane"),
+    ("dot", "a . b"),
+    ("norm", "the length of a; there is no b"),
+    ("cross", "a x b"),
+    ("normalise", "a divided by its length; there is no b"),
+    ("sphere", "the least t > 0 at which t a is on the sphere b, infinity for none"),
+    ("triangle", "the t > 0 at which t a is in the triangle b, infinity for none"),
+    ("lambert", "the light that b adds to the surface a on the side of its normal"),
+    ("lambert2", "the light that b adds to the surface a, which has two sides"),
 ];
 
 /// The paper's tracer, which the template of one in assembly is.
@@ -79,20 +59,17 @@ pub fn of(language: Language, op: &str) -> Option<String> {
         // It is in the paper's file as a macro, which a user may change as it stands.
         return Some(text.replace("{tracer}", TRACER));
     }
-    let operation = OPERATIONS.iter().find(|known| known.name == op)?;
-    let [out, a, b] = operation.types;
-    let pointer = |kind: &str, name: &str| format!("const {kind} *{name}");
-    let arguments: Vec<_> = [(a, "a"), (b, "b")]
-        .iter()
-        .filter(|(kind, _)| !kind.is_empty())
-        .map(|(kind, name)| pointer(kind, name))
-        .collect();
-    let signature = format!("void {op}({out} *out, {})", arguments.join(", "));
+    let (_, formula) = FORMULAS.iter().find(|(known, _)| *known == op)?;
+    let Wanted { takes, gives, .. } = Wanted::operation(op)?;
+    let name = |kind: Type| if kind == Type::F32 { "float".to_owned() } else { format!("{kind:?}") };
+    let arguments: Vec<_> =
+        takes.iter().zip(["a", "b"]).map(|(kind, argument)| format!("const {} *{argument}", name(*kind))).collect();
+    let signature = format!("void {op}({} *out, {})", name(gives), arguments.join(", "));
     let text = section(language, "head")? + &section(language, op)?;
     let filled = text
         .replace("{op}", op)
         .replace("{file}", &format!("{op}.{}", language.extension()))
-        .replace("{formula}", operation.formula)
+        .replace("{formula}", formula)
         .replace("{signature}", &signature);
     Some(filled)
 }
