@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::number::{seed, whole};
 use super::{Failure, colour_on_stdout, print, print_result, say, write_out};
+use rayo::internals::kernels::Isa;
 use rayo_lab::experiments::bring::requirements::Requirement;
 use rayo_lab::experiments::bring::source::Unusable;
 use rayo_lab::experiments::bring::verdict::Verdict;
@@ -66,7 +67,7 @@ pub struct TryArgs {
     /// executed=8, cycles=1.0 and throughput=1.0 (times `paper`)
     #[arg(long, value_name = "LIST", value_delimiter = ',', allow_hyphen_values = true)]
     require: Vec<Requirement>,
-    /// How many seconds of the CPU the calls of one stage may take
+    /// How many seconds of the CPU a call may take
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = whole(1..=3600_u32), allow_hyphen_values = true)]
     timeout: u32,
     /// The seed of the inputs
@@ -170,7 +171,8 @@ fn options(args: &TryArgs) -> Result<Options, Failure> {
         }
         _ => None,
     };
-    let required = if args.require.is_empty() { Requirement::ALL_CHECKS.to_vec() } else { args.require.clone() };
+    let all = || Requirement::all_checks(Isa::Sse41.built());
+    let required = if args.require.is_empty() { all() } else { args.require.clone() };
     Ok(Options {
         op: args.op.clone(),
         symbol: args.symbol.clone(),

@@ -10,6 +10,7 @@ use std::io;
 use std::os::fd::AsFd;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
+use std::process::{Child, Command};
 
 use super::checked::{Code, Registers};
 use super::code;
@@ -21,10 +22,19 @@ use super::paper::{OpRef, Trace};
 /// What a process for foreign code may consume.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// The seconds that a call may last, and that the process may compute.
+    /// The seconds of the CPU that a call may take; the process may take twice as many and a
+    /// minute.
     pub seconds: u32,
     /// The bytes of memory that the process may have.
     pub memory: u64,
+}
+
+/// The variable that marks a process for foreign code. Its value is the parent's process number.
+const STARTED_BY: &str = "RAYO_FOREIGN_CODE_FOR";
+
+/// Makes `command` start a process that may call [`OwnProcess::begin`].
+pub fn mark_for_foreign_code(command: &mut Command) {
+    command.env(STARTED_BY, std::process::id().to_string());
 }
 
 /// Proof that this process was started to run foreign code and nothing else.
@@ -38,13 +48,22 @@ impl OwnProcess {
     /// leaves no core file, and sends what the code prints to standard error. The returned file,
     /// which was standard output, is for the report to the parent.
     ///
+    /// Foreign code may break all that Rust promises about this process. So a process can only
+    /// become one if its parent has [marked](mark_for_foreign_code) it for this alone: it holds
+    /// nothing that anybody relies on, and its parent takes its report for that of a stranger.
+    ///
     /// # Errors
-    /// If the system refuses any of these.
+    /// If the parent has not started this process for foreign code, or if the system refuses one of
+    /// the limits.
     pub fn begin(limits: Limits) -> io::Result<(Self, File)> {
         #[cfg(target_os = "linux")]
         // SAFETY: only changes which signal this process gets when its parent ends.
         unsafe {
             libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
+        }
+        let parent = std::os::unix::process::parent_id().to_string();
+        if std::env::var(STARTED_BY) != Ok(parent) {
+            return Err(io::Error::other("only `rayo try` itself starts a process for foreign code"));
         }
         let report = File::from(io::stdout().as_fd().try_clone_to_owned()?);
         // SAFETY: both descriptors are open. Rust code that holds standard output writes to
@@ -87,11 +106,12 @@ impl OwnProcess {
         (0..now.len()).filter(|signal| now[*signal] != self.handlers[*signal]).map(|signal| signal + 1).collect()
     }
 
-    /// Once this process has used the CPU for that many more seconds, interrupts a checked call as
-    /// if it had crashed.
+    /// Interrupts the next checked call as if it had crashed, if it has not returned once this
+    /// process has used the CPU for that many more seconds.
     pub fn allow(&self, seconds: u32) {
         let value = libc::timeval { tv_sec: seconds.into(), tv_usec: 0 };
-        let timer = libc::itimerval { it_value: value, it_interval: libc::timeval { tv_sec: 0, tv_usec: 0 } };
+        // Then again each tenth of a second: a signal outside of a kernel is ignored.
+        let timer = libc::itimerval { it_value: value, it_interval: libc::timeval { tv_sec: 0, tv_usec: 100_000 } };
         // SAFETY: sets a timer of this process, whose signal has been handled since begin(); the
         // structure is only read.
         unsafe { libc::setitimer(libc::ITIMER_PROF, &timer, std::ptr::null_mut()) };
@@ -114,7 +134,7 @@ fn handlers() -> Vec<usize> {
 /// A user's shared object, which stays loaded for the life of the process.
 pub struct Loaded {
     handle: *mut libc::c_void,
-    /// The base address of the shared object.
+    /// The address at which the shared object is loaded; addresses in its file count from there.
     base: usize,
 }
 
@@ -223,45 +243,84 @@ impl Function {
     }
 }
 
-/// Kills a process that leads a group, and the whole group.
-pub fn end_group(leader: &std::process::Child) {
+/// Whether a child has ended. It is not waited for, so that its process number stays its own.
+///
+/// # Errors
+/// If the system cannot tell.
+pub fn has_ended(child: &Child) -> io::Result<bool> {
+    // SAFETY: a structure of numbers and addresses, for which all bits 0 are a value.
+    let mut info: libc::siginfo_t = unsafe { std::mem::zeroed() };
+    let options = libc::WEXITED | libc::WNOHANG | libc::WNOWAIT;
+    // SAFETY: the structure is ours to write, and with WNOWAIT the child can still be waited for.
+    if unsafe { libc::waitid(libc::P_PID, child.id(), &mut info, options) } == -1 {
+        return Err(io::Error::last_os_error());
+    }
+    Ok(info.si_signo != 0)
+}
+
+/// Kills a child that leads a process group, and the whole group. The child must not have been
+/// waited for: afterwards its number may be another group's.
+pub fn end_group(leader: &Child) {
     let Ok(id) = libc::pid_t::try_from(leader.id()) else { return };
-    // SAFETY: sends a signal to the group that one of our processes leads; it has not been waited
-    // for, or had members in its group.
+    // SAFETY: only sends a signal.
     unsafe { libc::kill(-id, libc::SIGKILL) };
 }
 
-/// From now on orphans among the descendants of this process become its children, so that
-/// [`end_orphans`] finds them. That includes copies of foreign code in process groups of their own.
-pub fn adopt_orphans() {
-    #[cfg(target_os = "linux")]
-    // SAFETY: only changes which process becomes the parent of orphans.
-    unsafe {
-        libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1);
+/// While this exists, orphans among the descendants of this process become its children, such as
+/// copies of foreign code in process groups of their own. When it is dropped, all children are
+/// killed that this process has got since, those that it has started itself too.
+pub struct Adoption {
+    /// The children that there were before, which belong to somebody else.
+    before: Vec<libc::pid_t>,
+    /// Whether this process adopted orphans before.
+    did_adopt: bool,
+}
+
+impl Adoption {
+    pub fn begin() -> Self {
+        let before = children();
+        Adoption { before, did_adopt: adopt_orphans(true) }
     }
 }
 
-/// Kills all children of this process, if the system lists them.
-pub fn end_orphans() {
-    /// How often the children are listed: code that starts processes faster than they are killed is
-    /// given up.
-    const MOST_ROUNDS: u32 = 50;
-    for _ in 0..MOST_ROUNDS {
-        let children = children();
-        if children.is_empty() {
-            return;
-        }
-        for child in children {
-            // SAFETY: a child of this process, which nobody else waits for.
-            unsafe {
-                libc::kill(child, libc::SIGKILL);
-                libc::waitpid(child, std::ptr::null_mut(), 0);
+impl Drop for Adoption {
+    fn drop(&mut self) {
+        /// How often the children are listed: code that starts processes faster than they are
+        /// killed is given up.
+        const MOST_ROUNDS: u32 = 50;
+        for _ in 0..MOST_ROUNDS {
+            let left: Vec<_> = children().into_iter().filter(|child| !self.before.contains(child)).collect();
+            // A process that we may not kill, such as one of another user, is not waited for
+            // either.
+            if left.into_iter().filter(|child| end_child(*child)).count() == 0 {
+                break;
             }
         }
+        adopt_orphans(self.did_adopt);
     }
 }
 
-/// The children of this process.
+/// Kills a child and waits for its end. False if the system refuses.
+fn end_child(child: libc::pid_t) -> bool {
+    // SAFETY: a child that came after all those of others, so that nobody else waits for it.
+    unsafe { libc::kill(child, libc::SIGKILL) == 0 && libc::waitpid(child, std::ptr::null_mut(), 0) == child }
+}
+
+/// Sets whether orphans among the descendants of this process become its children, where the system
+/// can do that. Returns whether they did before.
+fn adopt_orphans(does: bool) -> bool {
+    let mut did = libc::c_int::from(does);
+    #[cfg(target_os = "linux")]
+    // SAFETY: writes a number of ours, and only changes which process becomes the parent of
+    // orphans.
+    unsafe {
+        libc::prctl(libc::PR_GET_CHILD_SUBREAPER, &mut did);
+        libc::prctl(libc::PR_SET_CHILD_SUBREAPER, libc::c_ulong::from(does));
+    }
+    did != 0
+}
+
+/// The children of this process, if the system lists them.
 fn children() -> Vec<libc::pid_t> {
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let lists = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());

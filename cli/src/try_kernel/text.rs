@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 
 use super::super::{BOLD, DIM, GREEN, RED, styled};
-use rayo_lab::experiments::bring::findings::{Check, Example, Fault, Picture, Ratio, Step};
+use rayo::internals::plan::grouped;
+use rayo_lab::experiments::bring::findings::{Check, Crash, Example, Picture, Ratio, Step};
 use rayo_lab::experiments::bring::lines::Line;
-use rayo_lab::experiments::bring::verdict::{CrashVerdict, FaultsVerdict, Figures, Verdict};
+use rayo_lab::experiments::bring::verdict::{FaultsVerdict, Figures, Verdict};
 use rayo_lab::experiments::bring::wanted::TRACE;
 use rayo_lab::measure::instructions::Instruction;
 
@@ -32,8 +33,8 @@ pub fn text(verdict: &Verdict, colour: bool) -> String {
         let fine = "the same result in the place of an argument, or for twice the same one";
         page.faults("aliasing", &verdict.aliasing, fine);
     }
-    if let Some(proof) = &verdict.proof {
-        page.named("proof", verdict.is_proved().then_some(true), proof);
+    if let Some(is_proved) = verdict.proof.holds {
+        page.named("proof", is_proved.then_some(true), &verdict.proof.says);
     }
     page.faults("convention", &verdict.convention, "kept: registers, stack, direction flag, MXCSR");
     page.faults("memory", &verdict.memory, &extents(verdict));
@@ -211,23 +212,29 @@ impl Page {
             Some(false) => {
                 for (index, fault) in check.faults.iter().enumerate() {
                     self.named(if index == 0 { name } else { "" }, Some(false), &fault.rule);
-                    self.place(fault);
+                    self.place(fault.instruction.as_deref(), fault.line.as_ref());
                 }
             }
         }
     }
 
-    fn place(&mut self, fault: &Fault) {
-        if let Some(place) = place(fault.instruction.as_deref(), fault.line.as_ref()) {
-            self.more(&format!("  {place}"));
+    /// An instruction with its line, as far as they are known.
+    fn place(&mut self, instruction: Option<&str>, line: Option<&Line>) {
+        let line = line.map(|Line { file, line, text }| match text.is_empty() {
+            true => format!("{file}:{line}"),
+            false => format!("{file}:{line}: {text}"),
+        });
+        match (instruction, line) {
+            (Some(instruction), Some(line)) => self.more(&format!("  {instruction}   ({line})")),
+            (Some(one), None) => self.more(&format!("  {one}")),
+            (None, Some(one)) => self.more(&format!("  {one}")),
+            (None, None) => {}
         }
     }
 
-    fn crash(&mut self, crash: &CrashVerdict) {
+    fn crash(&mut self, crash: &Crash) {
         self.named("crash", Some(false), &crash.what);
-        if let Some(place) = place(crash.instruction.as_deref(), crash.line.as_ref()) {
-            self.more(&format!("  {place}"));
-        }
+        self.place(crash.instruction.as_deref(), crash.line.as_ref());
         if let Some(cause) = &crash.cause {
             self.more(&format!("  {cause}"));
         }
@@ -248,7 +255,8 @@ impl Page {
         ];
         let kinds: Vec<_> =
             kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();
-        let plain = ["INTEL8086", "INTEL386", "X64", "INTEL486", "INTEL186", "CET_IBT", "MULTIBYTENOP", "FPU"];
+        let plain =
+            ["INTEL8086", "INTEL286", "INTEL386", "X64", "INTEL486", "INTEL186", "CET_IBT", "MULTIBYTENOP", "FPU"];
         let sets: Vec<_> = mix.features.iter().map(String::as_str).filter(|set| !plain.contains(set)).collect();
         let sets = if sets.is_empty() { String::new() } else { format!("; needs {}", sets.join(", ")) };
         self.named("code", None, &format!("{}{sets}", kinds.join(", ")));
@@ -307,29 +315,8 @@ impl Page {
     }
 }
 
-/// An instruction with its line.
-fn place(instruction: Option<&str>, line: Option<&Line>) -> Option<String> {
-    let line = line.map(|Line { file, line, text }| match text.is_empty() {
-        true => format!("{file}:{line}"),
-        false => format!("{file}:{line}: {text}"),
-    });
-    match (instruction, line) {
-        (Some(instruction), Some(line)) => Some(format!("{instruction}   ({line})")),
-        (Some(instruction), None) => Some(instruction.to_owned()),
-        (None, line) => line,
-    }
-}
-
 fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    grouped(number, ',')
 }
 
 /// The instructions of a function beside those of `paper`.

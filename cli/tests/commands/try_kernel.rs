@@ -26,7 +26,7 @@ const ORDER: &str = "another order";
 const WRONG: &str = "wrong";
 const NONE: &str = "none";
 
-const KERNELS: [Kernel; 61] = [
+const KERNELS: [Kernel; 65] = [
     // Right ones.
     kernel("dot_three_shuffles.asm", SAME, &[]),
     kernel("dot_best.asm", SAME, &[]),
@@ -59,6 +59,8 @@ const KERNELS: [Kernel; 61] = [
     kernel("sub_backwards.asm", WRONG, &["result"]),
     kernel("cross_sign.asm", WRONG, &["result"]),
     kernel("scale_one_lane.asm", WRONG, &["result"]),
+    kernel("dot_no_root_below_zero.asm", WRONG, &["result"]),
+    kernel("dot_some_w.asm", SAME, &["fourth lane"]),
     kernel("dot_no_nan.asm", ORDER, &["odd", "fourth lane"]),
     kernel("dot_no_denormals.asm", ORDER, &["odd", "fourth lane"]),
     // The calling convention.
@@ -78,6 +80,7 @@ const KERNELS: [Kernel; 61] = [
     kernel("dot_mxcsr.asm", SAME, &["convention: the control bits of MXCSR are changed (dot_mxcsr.asm:15)"]),
     kernel("dot_upper.asm", SAME, &["convention: the upper parts of vector registers are left dirty"]),
     kernel("dot_below_the_red_zone.asm", SAME, &["convention: it keeps data more than 128 bytes under rsp"]),
+    kernel("dot_jumps_below_the_red_zone.asm", SAME, &["convention: it keeps data more than 128 bytes under rsp"]),
     kernel("dot_signals.c", SAME, &["convention: it changes what signals do: 11"]),
     // Memory.
     kernel("dot_reads_32.asm", SAME, &["memory: reads 32 bytes of a, which has 16 (dot_reads_32.asm:7)"]),
@@ -100,6 +103,11 @@ const KERNELS: [Kernel; 61] = [
     kernel("dot_writes_a.asm", SAME, &["memory: writes over its argument a"]),
     kernel("norm_reads_b.asm", SAME, &["memory: reads b, which `norm` is not given (norm_reads_b.asm:8)"]),
     kernel("cross_writes_early.asm", SAME, &["aliasing: a different result where it lies in the place of a"]),
+    kernel(
+        "sub_crashes_in_place.asm",
+        SAME,
+        &["aliasing: crashes where it lies in the place of a: SIGILL, an instruction that this CPU does not have"],
+    ),
     kernel("cross_aliased.c", SAME, &["aliasing: a different result where it lies in the place of a"]),
     // Those that do not come back.
     kernel("dot_address.asm", NONE, &["crash: SIGSEGV, an access to memory (dot_address.asm:9)"]),
@@ -218,6 +226,12 @@ fn same_seed_gives_the_same_verdict() {
     let timed = run(&["dot_three_shuffles.asm", "--json"]);
     assert_eq!(timed.status, 0, "{}", timed.stderr);
     let verdict = timed.document();
+    for check in ["result", "convention", "memory", "instructions", "cycles", "proof"] {
+        assert_eq!(verdict[check]["holds"], true, "{check}: {verdict}");
+    }
+    let too_many =
+        run(&["dot_three_shuffles.asm", "--check", "--json", "--require", "body=1,instructions=8"]).document();
+    assert_eq!((&too_many["instructions"]["holds"], &too_many["cycles"]["holds"]), (&false.into(), &Value::Null));
     let counts = &verdict["instructions"];
     assert_eq!((&counts["function"], &counts["executed"]), (&9.into(), &9.into()), "{counts}");
     for implementation in ["paper", "aos", "c-O3", "glam"] {
@@ -233,6 +247,7 @@ fn a_requirement_is_what_the_exit_status_asks() {
         ("dot_other_order.asm", "same-bits", 1),
         ("dot_other_order.asm", "ulp=4", 0),
         ("dot_other_order.asm", "ulp=0.5", 1),
+        ("dot_no_root_below_zero.asm", "ulp=1000", 1),
         ("dot_rbx.asm", "same-bits,memory", 0),
         ("dot_rbx.asm", "convention", 1),
         ("dot_three_shuffles.asm", "instructions=9,executed=9", 0),
@@ -293,21 +308,66 @@ fn a_tracer_is_held_against_the_reference_and_timed_beside_c() {
     assert_eq!(tried.status, 0, "{}{}", tried.stdout, tried.stderr);
     let verdict = tried.document();
     let scenes: Vec<_> = verdict["pictures"].as_array().unwrap().iter().map(|picture| &picture["scene"]).collect();
-    assert_eq!(scenes, ["sphere.in", "tetrahedron.in"]);
+    assert_eq!(scenes, ["sphere.in", "tetrahedron.in", "overlapping.in from column 53", "inside.in from column 53"]);
     let ratios: Vec<_> = verdict["ratios"].as_array().unwrap().iter().map(|ratio| &ratio["what"]).collect();
     assert_eq!(ratios, ["C/yours", "yours/paper", "C/yours", "yours/paper"]);
-    for (name, was, is, said) in [
-        ("nearest.c", "t < nearest", "t < INFINITY", "pixels are off by more than 1/255 (4 may be, at outlines)"),
-        ("beyond.c", "*out++ = pixel;", "*out++ = pixel; *out = pixel;", "  memory        writes beside the picture: "),
-        (
-            "lists.c",
-            "lists->lights[i].position, point",
-            "lists->lights[i + 1].position, point",
-            "of the lights, which has",
-        ),
-    ] {
-        fs::write(files.path().join(name), start.stdout.replace(was, is)).unwrap();
-        let tried = rayo(["try", name, "--op", "trace", "--check"], files.path());
+}
+
+/// A mistake in the tracer of the template: what stands in place of what, and what is said of it.
+struct Mistake {
+    name: &'static str,
+    was: &'static str,
+    is: &'static str,
+    said: &'static str,
+}
+
+const fn mistake(name: &'static str, was: &'static str, is: &'static str) -> Mistake {
+    Mistake { name, was, is, said: "pixels are off by more than 1/255 (" }
+}
+
+const MISTAKES: [Mistake; 18] = [
+    mistake("last_sphere", "if (t < nearest)", "if (t < INFINITY)"),
+    mistake(
+        "last_triangle",
+        "normal, s);\n                if (t < nearest)",
+        "normal, s);\n                if (t < INFINITY)",
+    ),
+    mistake("first_sphere", "if (t < nearest)", "if (t < INFINITY && nearest == INFINITY)"),
+    mistake("one_sphere", "i < lists->sphere_count", "i < 1 && i < lists->sphere_count"),
+    mistake("one_triangle", "i < lists->triangle_count", "i < 1 && i < lists->triangle_count"),
+    mistake("one_light", "i < lists->light_count", "i < 1"),
+    mistake("spheres_first", "i < lists->triangle_count", "nearest == INFINITY && i < lists->triangle_count"),
+    mistake("first_row", "for (; row < end; row++)", "for (end -= row, row = 0; row < end; row++)"),
+    mistake("first_column", "(float)(frame->first + column)", "(float)column"),
+    mistake("black", "pixel = frame->background", "pixel = {0, 0, 0, 0}"),
+    mistake("nearer_root", "near : far > 0 ? far : INFINITY", "near : INFINITY"),
+    mistake("sphere_behind", "return near > 0 ?", "return 1 ?"),
+    mistake("triangle_behind", "if (!(t > 0))", "if (0)"),
+    mistake("one_side", "sides == 2 ? fabsf(cosine)", "sides == 3 ? fabsf(cosine)"),
+    mistake("dark_light", "cosine = cosine > 0 ? cosine : 0;", ""),
+    Mistake {
+        said: "  memory        writes beside the picture: ",
+        ..mistake("beyond", "pixel;\n        }", "pixel, *out = pixel;\n        }")
+    },
+    Mistake {
+        said: "of the lights, which has",
+        ..mistake("next_light", "lights[i].position, point", "lights[i + 1].position, point")
+    },
+    Mistake {
+        said: "writes over the lights",
+        ..mistake("own_lights", "*out++ = pixel;", "*out++ = pixel, ((Light *)lists->lights)->position.w = 1;")
+    },
+];
+
+#[test]
+fn no_mistake_of_a_tracer_is_praised() {
+    let files = tempfile::tempdir().unwrap();
+    let start = rayo(["try", "--template", "c", "--op", "trace"], files.path()).stdout;
+    for Mistake { name, was, is, said } in extent::sampled(MISTAKES, 4) {
+        assert!(start.contains(was), "{name}");
+        let file = format!("{name}.c");
+        fs::write(files.path().join(&file), start.replacen(was, is, 1)).unwrap();
+        let tried = rayo(["try", &file, "--op", "trace", "--check"], files.path());
         assert_eq!(tried.status, 1, "{name}: {}{}", tried.stdout, tried.stderr);
         assert!(tried.stdout.contains(said), "{name}: {}", tried.stdout);
     }
@@ -428,10 +488,52 @@ fn objects_are_taken_as_they_are_and_flags_go_to_the_tool() {
     );
     assert_eq!(run(&["flag.asm", "--flags", "-DHADD=haddps"]).status, 0);
     run(&["flag.asm"]).refuses("flag.asm:5: error: ");
+    for name in ["-dash.asm", "@sign.asm"] {
+        fs::copy(&right, files.path().join(name)).unwrap();
+        let tried = rayo(["try", "--check", "--op", "dot", "--", name], files.path());
+        assert_eq!(tried.status, 0, "{}{}", tried.stdout, tried.stderr);
+    }
+    write("-dash.c", "void dot(float *out) { *out = 0; }");
+    assert_eq!(rayo(["try", "--check", "--", "-dash.c"], files.path()).status, 1);
     write("old.asm", "global dot\ndot:\nblcfill eax, eax\nret\n");
     if !std::is_x86_feature_detected!("tbm") {
         run(&["old.asm"]).refuses("error: old.asm: `dot` needs TBM, which this CPU does not have");
     }
+}
+
+#[test]
+fn a_kernel_that_writes_beside_its_result_is_not_timed() {
+    for file in ["dot_writes_16.asm", "dot_writes_a.asm"] {
+        let tried = run(&[file]);
+        let note = "not timed: it writes to memory that is not its own";
+        assert!(tried.status == 1 && tried.stdout.contains(note), "{file}: {}", tried.stdout);
+        assert!(!tried.stdout.contains("latency") && !tried.stdout.contains("crash"), "{file}: {}", tried.stdout);
+    }
+}
+
+#[test]
+fn children_of_others_are_left_alone() {
+    let script = "sleep 100 > /dev/null 2>&1 & echo $!; exec \"$0\" try dot_best.asm --check > /dev/null";
+    let shell = |arguments: &[&str]| {
+        std::process::Command::new("sh").arg("-c").args(arguments).current_dir(folder()).output().unwrap()
+    };
+    let tried = shell(&[script, env!("CARGO_BIN_EXE_rayo")]);
+    assert!(tried.status.success(), "{tried:?}");
+    let sleeper = String::from_utf8(tried.stdout).unwrap();
+    assert!(shell(&["kill $0", sleeper.trim()]).status.success(), "it was ended already");
+}
+
+#[test]
+fn only_try_itself_starts_a_process_for_foreign_code() {
+    let request = br#"{"shared": "x.so", "symbol": "dot", "offset": 0, "bytes": 0, "body": null, "wanted": {"truth":
+        {"Operation": "dot"}, "takes": ["vec4", "vec4"], "gives": "f32"}, "stage": "Values", "seed": 1, "inputs": 1,
+        "seconds": 1, "progress": "p"}"#;
+    let files = tempfile::tempdir().unwrap();
+    fs::write(files.path().join("request"), request).unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_rayo"));
+    command.args(["try", "--serve"]).stdin(fs::File::open(files.path().join("request")).unwrap());
+    let served = Run::of(command.output().unwrap());
+    assert!(served.status != 0 && served.stderr.contains("only `rayo try` itself starts"), "{}", served.stderr);
 }
 
 #[test]

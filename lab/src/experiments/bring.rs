@@ -58,11 +58,12 @@ pub struct Options {
     pub required: Vec<Requirement>,
 }
 
-/// How many inputs are tried: about.
+/// About how many inputs are tried.
 const INPUTS: u32 = 20_000;
-/// A process may take so many times the seconds of its calls, which are those of the CPU, and so
-/// much longer: others may have the core.
+/// How many times the seconds of the CPU that a call may have its process may take by the clock:
+/// other processes may have the core meanwhile.
 const PATIENCE: u32 = 5;
+/// How much longer a process may take for what is not the user's code.
 const BESIDE: Duration = Duration::from_secs(5);
 /// How long cycles may take to be measured.
 const MEASURING: Duration = Duration::from_secs(60);
@@ -116,11 +117,12 @@ pub fn judge(
         verdict.notes.push("the calling convention is not checked here: it takes assembly for x86-64".into());
     }
     if request.wanted.is_tracer() {
-        // A picture has these among its pixels, or no use for them.
+        // These are checks of operations.
         for holds in [&mut verdict.odd.holds, &mut verdict.fourth_lane.holds, &mut verdict.aliasing.holds] {
             *holds = Some(true);
         }
     }
+    verdict.judge_figures(&options.required);
     verdict.broken = options.required.iter().filter_map(|required| required.broken_by(&verdict)).collect();
     if let Some(crash) = &verdict.crash {
         verdict.broken = vec![crash.what.clone()];
@@ -150,14 +152,17 @@ fn run_stages(
     if options.steps {
         run(verdict, Stage::Steps, "steps", time)?;
     }
+    let asks = |names: &[&str]| options.required.iter().any(|required| required.is_one_of(names));
     let is_right = verdict.result.holds == Some(true) && verdict.crash.is_none();
     if !is_right {
         verdict.notes.push("not timed: nothing is worth the cycles of a wrong result".into());
-    } else if !options.check_only || options.required.iter().any(|required| required.needs_figures()) {
+    } else if verdict.writes_beyond {
+        verdict.notes.push("not timed: it writes to memory that is not its own, where it may spoil anything".into());
+    } else if !options.check_only || asks(&["executed", "cycles", "throughput"]) {
         run(verdict, Stage::Figures, "figures", time + MEASURING)?;
     }
     let is_provable = is_right && request.wanted.ours().is_some() && Isa::Sse41.built();
-    let is_asked = !options.check_only || options.required.iter().any(|required| required.needs_proof());
+    let is_asked = !options.check_only || asks(&["proof"]);
     if is_provable && is_asked {
         run(verdict, Stage::Proof, PROOF, time)?;
     }
@@ -172,7 +177,7 @@ fn run_stage(
     start: &dyn Fn() -> std::io::Result<Command>,
 ) -> Result<(), Unusable> {
     let bytes = serde_json::to_vec(request).map_err(|error| Unusable(error.to_string()))?;
-    // The input that a process was at, from the last one on: none.
+    // No input is in progress yet: an earlier process may have left one.
     let _ = std::fs::write(&request.progress, u64::MAX.to_le_bytes());
     let heard = start().and_then(|command| hear(command, &bytes, time));
     let heard = heard.map_err(|error| Unusable(format!("no process for the function can be started: {error}")))?;
@@ -184,7 +189,7 @@ fn run_stage(
 fn arguments_in_progress(request: &Request) -> Vec<(String, Vec<String>)> {
     let bytes = std::fs::read(&request.progress).unwrap_or_default();
     let Some(index) = bytes.first_chunk().map(|bytes| u64::from_le_bytes(*bytes)) else { return Vec::new() };
-    let trials = request.wanted.trials(request.inputs, request.seed);
+    let trials = request.trials();
     let trial = usize::try_from(index).ok().and_then(|index| trials.get(index));
     trial.map_or_else(Vec::new, |trial| told(&request.wanted, &trial.sample))
 }
@@ -229,8 +234,8 @@ fn refuse_missing_instructions(name: &str, code: &Code) -> Result<(), Unusable> 
     Err(Unusable(format!("{name}: `{symbol}` needs {}, which this CPU does not have", missing.join(", "))))
 }
 
-/// Whether this CPU has a feature, of those that kernels may use: others are taken to be there, and
-/// crash where they are not.
+/// Whether this CPU has one of the features listed here. Any other one is taken to be there: code
+/// that uses it crashes where it is not, and that is reported.
 #[cfg(target_arch = "x86_64")]
 fn is_there(feature: &str) -> bool {
     macro_rules! detected {
@@ -251,7 +256,7 @@ fn is_there(feature: &str) -> bool {
     }
 }
 
-/// Elsewhere nothing is decoded.
+/// On other CPUs no instruction is decoded, so that nothing is known of what it needs.
 #[cfg(not(target_arch = "x86_64"))]
 fn is_there(_: &str) -> bool {
     true
@@ -286,6 +291,35 @@ fn count(verdict: &mut Verdict, wanted: &Wanted, code: &Code) {
         if let Some((function, body)) = turns::instructions(name, implementation) {
             let (function, body) = (Some(function.instructions), body.map(|body| body.instructions));
             verdict.against.insert(implementation.into(), Figures { function, body, ..Figures::default() });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_in_progress_is_told_by_the_inputs_of_its_stage() {
+        let folder = tempfile::tempdir().unwrap();
+        for (stage, index) in [(Stage::Values, 200_u64), (Stage::Memory, 50)] {
+            let request = Request {
+                shared: "dot.so".into(),
+                symbol: "dot".into(),
+                offset: 0,
+                bytes: 0,
+                body: None,
+                wanted: Wanted::operation("dot").unwrap(),
+                stage,
+                seed: 1,
+                inputs: 1000,
+                seconds: 1,
+                progress: folder.path().join("progress"),
+            };
+            std::fs::write(&request.progress, index.to_le_bytes()).unwrap();
+            let count = if stage == Stage::Memory { findings::FENCED_INPUTS } else { 1000 };
+            let tried = &request.wanted.trials(count, 1)[index as usize];
+            assert_eq!(arguments_in_progress(&request), told(&request.wanted, &tried.sample));
         }
     }
 }

@@ -5,12 +5,10 @@
 //! errs by at most E. With u = 2^-24:
 //!
 //! - a sum of n terms errs by at most the errors of its terms and (n - 1) u times the sum of their
-//!   magnitudes, in any
-//!   order and with any parentheses (Higham, *Accuracy and Stability of Numerical Algorithms*,
-//!   section 4.2);
+//!   magnitudes, in any order and with any parentheses (Higham, *Accuracy and Stability of
+//!   Numerical Algorithms*, section 4.2);
 //! - a product errs by |x| ey + |y| ex + ex ey, and by u of itself; a quotient may be made by a
-//!   reciprocal, which is two
-//!   roundings; a root is one;
+//!   reciprocal, which is two roundings; a root is one;
 //! - a result below the normal numbers errs by half of the least denormal more.
 //!
 //! Terms of second order are covered by `MARGIN`. Where a comparison is undecided within the
@@ -211,7 +209,8 @@ pub fn outcomes<R>(compute: impl Fn() -> R) -> Option<Vec<R>> {
         let taken = script.len();
         SCRIPT.set((script.clone(), 0));
         results.push(compute());
-        let asked = SCRIPT.with_borrow(|(_, asked)| *asked);
+        // Nothing of it is to decide comparisons elsewhere.
+        let (_, asked) = SCRIPT.take();
         if asked > MOST_DOUBTS {
             return None;
         }

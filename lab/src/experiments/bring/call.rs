@@ -11,12 +11,13 @@ use crate::measure::crash::{cause, signal};
 use crate::measure::instructions::decode_raw_at;
 use rayo::internals::kernels::fences::{Fenced, Side};
 use rayo::internals::kernels::foreign::{Function, Outcome, OwnProcess};
-use rayo::internals::kernels::{Vec4, crash};
+use rayo::internals::kernels::step::{Recording, record_until_crash};
+use rayo::internals::kernels::{CheckedCall, Vec4, crash};
 
 /// The signal of the timer: a call took too long. As Linux and others number it.
 pub const SIGPROF: i32 = 27;
 
-/// What a result is before the call: a signalling NaN, which no computation gives.
+/// The bits of each number of a result before the call: those of a NaN that no computation gives.
 pub const UNWRITTEN: u32 = 0xff80_dead;
 
 /// Numbers behind a result that a call may write over without harm.
@@ -35,8 +36,8 @@ pub struct Session<'a> {
     pub broken: Vec<rayo::internals::kernels::Fault>,
 }
 
-/// Where the arguments and the result of a call lie, in numbers.
-pub struct Places {
+/// The arguments of a call and its result, in vectors.
+struct Places {
     arguments: Vec<Vec<Vec4>>,
     out: Vec<Vec4>,
 }
@@ -66,33 +67,57 @@ impl<'a> Session<'a> {
         let _ = self.progress.write_all_at(&input.to_le_bytes(), 0);
     }
 
+    /// Allows the next checked call the time that was requested.
+    pub fn allow(&self) {
+        self.own.allow(self.request.seconds);
+    }
+
+    /// Makes a checked call.
+    pub fn examine(&self, registers: [u64; 6]) -> Outcome {
+        self.allow();
+        self.function.examine(registers)
+    }
+
+    /// Keeps the rules that checked calls broke.
+    pub fn keep_broken(&mut self, calls: Vec<CheckedCall>) {
+        for rule in calls.into_iter().flat_map(|call| call.broken) {
+            if !self.broken.contains(&rule) {
+                self.broken.push(rule);
+            }
+        }
+    }
+
     /// The result for a sample, in memory with room around it.
     ///
     /// # Errors
     /// The crash, if the call did not return.
     pub fn call(&mut self, sample: &Sample) -> Result<Vec<f32>, Box<Crash>> {
-        let places = Places::of(self.wanted, sample);
-        self.call_in(places, sample)
-    }
-
-    /// The same in these places.
-    ///
-    /// # Errors
-    /// As [`Session::call`].
-    pub fn call_in(&mut self, places: Places, sample: &Sample) -> Result<Vec<f32>, Box<Crash>> {
-        let Outcome { crash, broken } = self.function.examine(places.registers());
+        let mut places = Places::of(self.wanted, sample);
+        let Outcome { crash, broken } = self.examine(places.registers());
         if self.own.is_copy() {
             tell(self.own, self.report, &Finding::Copy);
         }
-        for rule in broken.into_iter().flat_map(|call| call.broken) {
-            if !self.broken.contains(&rule) {
-                self.broken.push(rule);
-            }
-        }
+        self.keep_broken(broken);
         match crash {
             Some(crashed) => Err(Box::new(self.crash(&crashed.crash, sample))),
             None => Ok(places.result(self.wanted.gives)),
         }
+    }
+
+    /// Records a call with the first input, at most that many instructions.
+    ///
+    /// # Errors
+    /// Why there is nothing to be recorded, or it cannot be.
+    pub fn record(&self, most: usize) -> Result<Recording, String> {
+        let start = self.function.address();
+        let watched = start..start + self.request.bytes.max(1);
+        let trials = self.wanted.trials(1, self.request.seed);
+        let trial = trials.first().ok_or("a tracer has too many; see `rayo step`")?;
+        let places = FencedPlaces::of(self.wanted, &trial.sample, Side::Before).map_err(|error| error.to_string())?;
+        self.allow();
+        let all = 0..u64::MAX;
+        let call = || self.function.call(places.registers());
+        record_until_crash(&[watched], &[all], most, call).map_err(|reason| reason.to_string())
     }
 
     /// A crash in words.
@@ -106,7 +131,7 @@ impl<'a> Session<'a> {
         let cause = decoded.as_ref().filter(|_| crash.signal != SIGPROF).and_then(|(_, raw)| cause(crash, raw));
         Crash {
             what,
-            signal: crash.signal,
+            stage: String::new(),
             cause,
             instruction: decoded.map(|(instruction, _)| instruction.text),
             line: self.line(crash.rip),
@@ -141,8 +166,7 @@ pub fn tell(own: &OwnProcess, report: &File, finding: &Finding) {
 }
 
 impl Places {
-    /// A place of its own for each.
-    pub fn of(wanted: &Wanted, sample: &Sample) -> Self {
+    fn of(wanted: &Wanted, sample: &Sample) -> Self {
         let mut arguments: Vec<_> = sample.arguments.iter().map(|numbers| vectors(numbers)).collect();
         // Whether an argument is read that is not given, the guard pages tell.
         if arguments.len() < 2 {
@@ -153,12 +177,11 @@ impl Places {
         Places { arguments, out }
     }
 
-    fn registers(&self) -> [u64; 6] {
-        let address = |vectors: &Vec<Vec4>| vectors.as_ptr().expose_provenance() as u64;
+    /// The addresses of the result and of the arguments: foreign code may write to any of them.
+    fn registers(&mut self) -> [u64; 6] {
         let mut registers = [0; 6];
-        registers[0] = address(&self.out);
-        for (register, argument) in registers[1..].iter_mut().zip(&self.arguments) {
-            *register = address(argument);
+        for (register, vectors) in registers.iter_mut().zip([&mut self.out].into_iter().chain(&mut self.arguments)) {
+            *register = vectors.as_mut_ptr().expose_provenance() as u64;
         }
         registers
     }
@@ -177,12 +200,31 @@ pub fn vectors(numbers: &[f32]) -> Vec<Vec4> {
     numbers.chunks(4).map(vector).collect()
 }
 
-/// The arguments and the result of a call, each next to a guard page.
+/// A part of the memory of a call, next to a guard page.
+pub struct Part {
+    /// What it is to the function, in words before its name: "its argument ".
+    pub role: &'static str,
+    pub name: &'static str,
+    pub place: Fenced,
+    /// What is in it before the call and has to stay; None of what the call is to write.
+    pub before: Option<Vec<u8>>,
+}
+
+impl Part {
+    /// # Errors
+    /// If there is no memory for it.
+    pub fn new(role: &'static str, name: &'static str, bytes: &[u8], align: usize, side: Side) -> io::Result<Self> {
+        Ok(Part { role, name, place: Fenced::new(bytes, align, side)?, before: Some(bytes.to_vec()) })
+    }
+
+    pub fn address(&self) -> u64 {
+        self.place.address() as u64
+    }
+}
+
+/// The result of a call and then its arguments, each next to a guard page.
 pub struct FencedPlaces {
-    pub out: Fenced,
-    pub arguments: Vec<Fenced>,
-    /// What the arguments were.
-    pub before: Vec<Vec<u8>>,
+    pub parts: Vec<Part>,
 }
 
 /// The bytes of numbers.
@@ -194,31 +236,28 @@ impl FencedPlaces {
     /// # Errors
     /// If there is no memory for them.
     pub fn of(wanted: &Wanted, sample: &Sample, side: Side) -> io::Result<Self> {
-        let unwritten = vec![f32::from_bits(UNWRITTEN); wanted.gives.numbers()];
-        let out = Fenced::new(&bytes_of(&unwritten), wanted.gives.align(), side)?;
-        let before: Vec<_> = sample.arguments.iter().map(|numbers| bytes_of(numbers)).collect();
-        let mut arguments = Vec::new();
-        for (bytes, kind) in before.iter().zip(&wanted.takes) {
-            arguments.push(Fenced::new(bytes, kind.align(), side)?);
+        let unwritten = bytes_of(&vec![f32::from_bits(UNWRITTEN); wanted.gives.numbers()]);
+        let result = Part::new("", "its result", &unwritten, wanted.gives.align(), side)?;
+        let mut parts = vec![Part { before: None, ..result }];
+        for ((numbers, kind), name) in sample.arguments.iter().zip(&wanted.takes).zip(["a", "b"]) {
+            parts.push(Part::new("its argument ", name, &bytes_of(numbers), kind.align(), side)?);
         }
         // An argument that is not given lies where nothing may be read.
-        if arguments.len() < 2 {
-            arguments.push(Fenced::new(&[], 16, side)?);
+        if parts.len() < 3 {
+            parts.push(Part::new("its argument ", "b", &[], 16, side)?);
         }
-        Ok(FencedPlaces { out, arguments, before })
-    }
-
-    /// Its parts by name.
-    pub fn parts(&self) -> Vec<(&'static str, &Fenced)> {
-        [("its result", &self.out)].into_iter().chain(["a", "b"].into_iter().zip(&self.arguments)).collect()
+        Ok(FencedPlaces { parts })
     }
 
     pub fn registers(&self) -> [u64; 6] {
         let mut registers = [0; 6];
-        registers[0] = self.out.address() as u64;
-        for (register, argument) in registers[1..].iter_mut().zip(&self.arguments) {
-            *register = argument.address() as u64;
-        }
+        registers.iter_mut().zip(&self.parts).for_each(|(register, part)| *register = part.address());
         registers
+    }
+
+    /// The result as it is now.
+    pub fn result(&self) -> Vec<u8> {
+        let place = &self.parts[0].place;
+        place.bytes(place.len())
     }
 }

@@ -1,11 +1,10 @@
 //! Broken rules of the calling convention, each with the line that breaks it.
 
-use super::call::{FencedPlaces, Session};
+use super::call::Session;
 use super::findings::Fault;
 use crate::measure::instructions::decode;
 use rayo::internals::kernels::Fault as Rule;
-use rayo::internals::kernels::fences::Side;
-use rayo::internals::kernels::step::{Step, record_until_crash};
+use rayo::internals::kernels::step::Step;
 
 /// The most instructions of a call that are looked at.
 const MOST_STEPS: usize = 20_000;
@@ -33,14 +32,7 @@ fn spoilers(session: &Session<'_>) -> Vec<(Rule, String, u64)> {
     if session.broken.is_empty() {
         return Vec::new();
     }
-    let start = session.function.address();
-    let watched = start..start + session.request.bytes.max(1);
-    let all = 0..u64::MAX;
-    let trials = session.wanted.trials(1, session.request.seed);
-    let Some(trial) = trials.first() else { return Vec::new() };
-    let Ok(places) = FencedPlaces::of(session.wanted, &trial.sample, Side::Before) else { return Vec::new() };
-    let recording = record_until_crash(&[watched], &[all], MOST_STEPS, || session.function.call(places.registers()));
-    let Ok(recording) = recording else { return Vec::new() };
+    let Ok(recording) = session.record(MOST_STEPS) else { return Vec::new() };
     let Some(entry) = recording.steps().next().map(|step| step.before.general[4]) else { return Vec::new() };
     let mut found = Vec::new();
     for rule in &session.broken {

@@ -125,7 +125,7 @@ impl Node {
             Node::Minus(inner) => inner.evaluate(arguments).into_iter().map(|x| S::from(-0.0) - x).collect(),
             Node::Binary(sign, a, b) => {
                 let (a, b) = (a.evaluate(arguments), b.evaluate(arguments));
-                // A scalar is one for each lane.
+                // A scalar is the operand of every lane.
                 let lanes = a.len().max(b.len());
                 let lane = |of: &[S], index: usize| of[index % of.len()];
                 (0..lanes).map(|index| sign.apply(lane(&a, index), lane(&b, index))).collect()
@@ -266,7 +266,7 @@ impl Reader<'_> {
         Err(self.wrong(&format!("expected a value, not `{c}`")))
     }
 
-    /// Reads while `is_part`.
+    /// Reads the characters up to the first one of which `is_part` does not hold.
     fn word(&mut self, is_part: impl Fn(char) -> bool) -> &str {
         let rest = &self.text[self.at..];
         let end = rest.find(|c| !is_part(c)).unwrap_or(rest.len());

@@ -1,5 +1,7 @@
 //! What calls of a user's function cost beside ours: executed instructions and cycles.
 
+use std::cell::Cell;
+
 use super::call::{Session, vectors};
 use super::findings::{Cycles, Executed, Finding};
 use super::wanted::{Sample, Truth};
@@ -50,9 +52,12 @@ fn yours(session: &Session<'_>) -> Contestant {
         operand.iter_mut().zip(vectors(numbers)).for_each(|(to, from)| *to = from);
     }
     let function = session.function;
-    Contestant::of_calls(function.address(), operands, move |[a, b]| {
-        let out = [Vec4::default(); MOST];
-        let [out_at, a, b] = [&out, a, b].map(|vectors| vectors.as_ptr().expose_provenance() as u64);
+    // In a cell: foreign code may write to its arguments.
+    Contestant::of_calls(function.address(), Cell::new(operands), move |operands| {
+        let mut out = [Vec4::default(); MOST];
+        let operands = operands.as_ptr().cast::<Vec4>();
+        let addresses = [out.as_mut_ptr(), operands, operands.wrapping_add(MOST)];
+        let [out_at, a, b] = addresses.map(|address| address.expose_provenance() as u64);
         function.call([out_at, a, b, 0, 0, 0]);
         std::hint::black_box(&out)[0].x.to_bits()
     })

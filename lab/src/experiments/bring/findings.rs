@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::lines::Line;
-use super::wanted::{Sample, Wanted};
+use super::wanted::{Sample, Trial, Wanted};
 
 /// Something that was found out. A line of JSON each, between two processes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -12,14 +12,16 @@ pub enum Finding {
     Values(Values),
     /// The same for infinities, NaN, denormal numbers and extreme exponents.
     Odd(Check),
-    /// The same where fourth lanes are not 0.
-    FourthLane(FourthLaneCheck),
+    FourthLane(FourthLane),
     /// Arguments at the same address.
     Aliasing(Vec<Fault>),
     /// Rules of the calling convention.
     Convention(Vec<Fault>),
-    /// Memory beside the arguments.
-    Memory(Vec<Fault>),
+    /// Memory beside the arguments, and whether something is written there.
+    Memory {
+        faults: Vec<Fault>,
+        writes: bool,
+    },
     Crash(Box<Crash>),
     /// Executed instructions: of the function, and of its body.
     Executed(Executed),
@@ -89,24 +91,15 @@ pub struct Check {
     pub worst: Option<Example>,
 }
 
-/// Inputs with fourth lanes that are not 0, and what came of them.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct FourthLaneCheck {
-    pub inputs: u64,
-    pub lane: FourthLane,
-}
-
 /// What a function does with fourth lanes that are not 0.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub enum FourthLane {
-    /// No argument or result has one.
-    None,
-    /// What this does.
-    As(String),
-    /// It takes them for 0.
-    Ignored,
-    /// Neither: with an example.
-    Otherwise(Box<Example>),
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct FourthLane {
+    pub holds: Option<bool>,
+    /// How many inputs had one.
+    pub inputs: u64,
+    /// What the function does with it.
+    pub says: String,
+    pub worst: Option<Example>,
 }
 
 /// A broken rule, in words, with the line that breaks it as far as that is known.
@@ -124,12 +117,13 @@ impl Fault {
     }
 }
 
-/// A call that did not come back.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+/// What ended a call, or its process.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Crash {
+    /// Where: among the results, the guard pages or the figures.
+    pub stage: String,
     /// The signal, in words.
     pub what: String,
-    pub signal: i32,
     /// Why, if that is known: the address.
     pub cause: Option<String>,
     pub instruction: Option<String>,
@@ -210,14 +204,15 @@ pub struct Request {
     pub wanted: Wanted,
     pub stage: Stage,
     pub seed: u64,
-    /// How many inputs to try.
+    /// How many inputs to try in the stage of results.
     pub inputs: u32,
     pub seconds: u32,
     /// A file that gets the number of the input that is being tried.
     pub progress: std::path::PathBuf,
 }
 
-/// One process each, so that what breaks one leaves the others.
+/// What a process is asked for: each stage has one of its own, so that a stage that ends its
+/// process leaves the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Stage {
     /// Results, and the calling convention.
@@ -230,6 +225,17 @@ pub enum Stage {
     Steps,
     /// The proof for all inputs.
     Proof,
+}
+
+/// How many inputs are tried between guard pages, or at the same address.
+pub const FENCED_INPUTS: u32 = 54;
+
+impl Request {
+    /// The inputs of its stage: what is noted of progress are their indices.
+    pub fn trials(&self) -> Vec<Trial> {
+        let inputs = if self.stage == Stage::Memory { FENCED_INPUTS } else { self.inputs };
+        self.wanted.trials(inputs, self.seed)
+    }
 }
 
 impl Example {

@@ -41,7 +41,7 @@ impl Lines {
 }
 
 fn context(path: &Path) -> Option<Context<EndianSlice<'static, LittleEndian>>> {
-    // A process has the lines of one file, until its end.
+    // Never freed: a process reads one file, and asks for its lines until it ends.
     let data: &'static [u8] = Vec::leak(fs::read(path).ok()?);
     let file = object::File::parse(data).ok()?;
     let section = |id: SectionId| -> Result<_, addr2line::gimli::Error> {

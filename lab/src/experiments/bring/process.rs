@@ -6,58 +6,51 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::findings::Finding;
-use rayo::internals::kernels::foreign::{adopt_orphans, end_group, end_orphans};
+use rayo::internals::kernels::foreign::{Adoption, end_group, has_ended, mark_for_foreign_code};
 
 /// How long an assembler, a compiler or a linker may take.
 const TOOLS: Duration = Duration::from_secs(60);
 /// What is kept of what a process prints: more is read and forgotten.
 const MOST_PRINTED: usize = 64 << 10;
-/// How long a process may take to end after its last word.
-const LAST: Duration = Duration::from_millis(300);
+/// How long a process may take to end after its last finding, and what it has printed to arrive
+/// after its end.
+const LAST: Duration = Duration::from_secs(5);
 
-/// A process of its own group, which ends with this.
+/// A process that leads a group of its own; all of the group ends when this is dropped.
 struct Group {
     child: Child,
+    /// How it ended; its number may be another process's from then on.
+    status: Option<ExitStatus>,
 }
 
 impl Group {
     fn start(mut command: Command) -> io::Result<Self> {
         // Ctrl-C is for this process, which ends the other.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        Ok(Group { child: command.spawn()? })
+        Ok(Group { child: command.spawn()?, status: None })
     }
 
     /// Waits for its end until `end`, and then ends it with all that it has started.
     fn end(&mut self, end: Instant) -> io::Result<ExitStatus> {
-        while Instant::now() < end {
-            if let Some(status) = self.child.try_wait()? {
-                end_group(&self.child);
-                return Ok(status);
-            }
+        while Instant::now() < end && !has_ended(&self.child)? {
             std::thread::sleep(Duration::from_millis(1));
         }
+        // Before it is waited for: until then no other group has its number.
         end_group(&self.child);
-        self.child.wait()
+        // It may have left its group. If it has ended by itself, there is nothing to end.
+        let _ = self.child.kill();
+        let status = self.child.wait()?;
+        self.status = Some(status);
+        Ok(status)
     }
 }
 
 impl Drop for Group {
     fn drop(&mut self) {
-        if matches!(self.child.try_wait(), Ok(None)) {
-            end_group(&self.child);
-            // It may have ended by itself.
-            let _ = self.child.kill();
-            let _ = self.child.wait();
+        if self.status.is_none() {
+            // Nobody is left to be told if it fails.
+            let _ = self.end(Instant::now());
         }
-    }
-}
-
-/// Ends what a user's code has left behind, when this goes.
-struct Orphans;
-
-impl Drop for Orphans {
-    fn drop(&mut self) {
-        end_orphans();
     }
 }
 
@@ -126,8 +119,8 @@ pub enum End {
 /// If it cannot be started.
 pub fn hear(mut command: Command, request: &[u8], time: Duration) -> io::Result<Heard> {
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    adopt_orphans();
-    let _orphans = Orphans;
+    mark_for_foreign_code(&mut command);
+    let adoption = Adoption::begin();
     let end = Instant::now() + time;
     let mut group = Group::start(command)?;
     // If it has ended already, what it says of that is enough.
@@ -152,6 +145,8 @@ pub fn hear(mut command: Command, request: &[u8], time: Duration) -> io::Result<
         }
     };
     let status = group.end(if is_late { Instant::now() } else { Instant::now() + LAST })?;
+    // What it has left behind could keep its standard error open.
+    drop(adoption);
     let end = match (is_complete, is_late) {
         (true, _) => End::Complete,
         (false, true) => End::Late,
@@ -160,22 +155,52 @@ pub fn hear(mut command: Command, request: &[u8], time: Duration) -> io::Result<
     Ok(Heard { findings, end, printed: String::from_utf8_lossy(&printed(&stderr)).into_owned() })
 }
 
-/// The findings that a pipe brings, a line each. What is none, the code has written itself.
+/// Findings are a few dozen; what exceeds this, the code has written itself.
+const MOST_FINDINGS: usize = 1000;
+/// Bytes of all findings together.
+const MOST_BYTES: u64 = 16 << 20;
+
+/// The findings that a pipe brings, a line each. Other lines are passed over: the code has written
+/// them itself. After the most that there may be, the pipe is closed.
 fn lines_of(pipe: impl Read + Send + 'static) -> Receiver<Finding> {
-    /// A longer line is no finding.
-    const MOST_BYTES: u64 = 16 << 20;
-    let (sender, receiver) = mpsc::channel();
+    let (sender, receiver) = mpsc::sync_channel(MOST_FINDINGS);
     std::thread::spawn(move || {
-        let mut pipe = BufReader::new(pipe);
-        let mut line = Vec::new();
-        while let Ok(1..) = (&mut pipe).take(MOST_BYTES).read_until(b'\n', &mut line) {
-            if let Ok(finding) = serde_json::from_slice(&line)
-                && sender.send(finding).is_err()
-            {
+        let lines = BufReader::new(pipe.take(MOST_BYTES)).split(b'\n').map_while(Result::ok);
+        let findings = lines.filter_map(|line| serde_json::from_slice(&line).ok());
+        for finding in findings.take(MOST_FINDINGS) {
+            // Nobody may wait for it any more.
+            if sender.send(finding).is_err() {
                 return;
             }
-            line.clear();
         }
     });
     receiver
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same line again and again, for ever.
+    struct Endless {
+        at: usize,
+    }
+
+    impl Read for Endless {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            const LINE: &[u8] = b"{\"Undone\":\"again\"}\n";
+            for byte in &mut *buffer {
+                *byte = LINE[self.at % LINE.len()];
+                self.at += 1;
+            }
+            Ok(buffer.len())
+        }
+    }
+
+    #[test]
+    fn endless_findings_and_lines_come_to_an_end() {
+        let findings = lines_of(Endless { at: 0 });
+        assert_eq!(findings.iter().take(2 * MOST_FINDINGS).count(), MOST_FINDINGS);
+        assert_eq!(lines_of(io::repeat(b'x')).iter().count(), 0);
+    }
 }

@@ -11,7 +11,7 @@ use rayo::internals::kernels::foreign::{Function, Limits, Loaded, OwnProcess};
 
 /// Bytes of memory that such a process may have.
 const MEMORY: u64 = 4 << 30;
-/// A longer request is none.
+/// A longer request is not read to its end, and so refused.
 const MOST_REQUESTED: u64 = 16 << 20;
 
 /// Reads a request from standard input, and reports to what was standard output.
@@ -23,7 +23,6 @@ pub fn serve() -> io::Result<()> {
     io::stdin().take(MOST_REQUESTED).read_to_end(&mut bytes)?;
     let request: Request = serde_json::from_slice(&bytes)?;
     let (own, report) = OwnProcess::begin(Limits { seconds: request.seconds, memory: MEMORY })?;
-    own.allow(request.seconds);
     let loaded = Loaded::open(&request.shared, &own);
     let function = loaded.and_then(|loaded| {
         loaded.function(&request.symbol, request.offset).ok_or_else(|| format!("no function `{}`", request.symbol))
@@ -41,10 +40,10 @@ fn try_operation((own, report): (&OwnProcess, &File), request: &Request, functio
     let mut session = Session::new((own, report), request, function)?;
     match request.stage {
         Stage::Values if request.wanted.is_tracer() => tracer::check_pictures(&mut session),
-        Stage::Memory if request.wanted.is_tracer() => tracer::check_memory(&mut session)?,
+        Stage::Memory if request.wanted.is_tracer() => tracer::check_memory(&session)?,
         Stage::Figures if request.wanted.is_tracer() => tracer::time(&session),
         Stage::Values => check_values(&mut session),
-        Stage::Memory => memory::check(&mut session)?,
+        Stage::Memory => memory::check(&session)?,
         Stage::Figures => figures::measure(&session),
         Stage::Steps => steps::record(&session),
         Stage::Proof => proof::prove(&session),
@@ -65,7 +64,7 @@ fn check_values(session: &mut Session<'_>) {
         let list = changed.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
         faults.push(Fault::new(format!("it changes what signals do: {list}")));
     }
-    // Of calls that do not return, only faults can be told.
+    // If a call did not return, what other calls kept says nothing: only broken rules are reported.
     if outcome.is_ok() || !faults.is_empty() {
         session.tell(&Finding::Convention(faults.clone()));
     }

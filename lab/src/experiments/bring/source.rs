@@ -102,9 +102,9 @@ pub struct Built {
     /// Where instructions are counted: the object before it was linked, which still names what it
     /// refers to.
     pub object: Vec<u8>,
-    /// What the tools said although they could use it.
+    /// The warnings of the tools.
     pub warnings: String,
-    /// It goes with this.
+    /// It is removed when this is dropped.
     pub folder: TempDir,
 }
 
@@ -147,7 +147,7 @@ impl Built {
         names
     }
 
-    /// Refuses a file without any.
+    /// Refuses a file that has no function for others.
     ///
     /// # Errors
     /// If there is none.
@@ -201,7 +201,7 @@ fn readable(path: &Path) -> Result<Language, Unusable> {
     Ok(language)
 }
 
-/// A file on its way to a shared object.
+/// What makes a shared object of a file.
 struct Maker<'a> {
     path: &'a Path,
     flags: &'a str,
@@ -212,7 +212,7 @@ struct Maker<'a> {
 /// A tool, by the variable that names another one.
 struct Tool {
     name: OsString,
-    /// What is missing where it is.
+    /// What to do where it is not there.
     missing: &'static str,
 }
 
@@ -263,6 +263,15 @@ impl Maker<'_> {
         Ok((shared, object, compiled + &linked))
     }
 
+    /// The path as an argument of a tool: one that begins with `-` would be an option, one with `@`
+    /// a file of options.
+    fn argument(&self) -> OsString {
+        match self.path.as_os_str().as_encoded_bytes().first() {
+            Some(b'-' | b'@') => Path::new(".").join(self.path).into(),
+            _ => self.path.into(),
+        }
+    }
+
     fn assemble(&self, object: &Path) -> Result<String, Unusable> {
         let written = write_includes(self.folder);
         written.map_err(|error| Unusable(format!("cannot write our include files: {error}")))?;
@@ -277,7 +286,7 @@ impl Maker<'_> {
             arguments.push(argument);
         }
         arguments.extend(self.flags.split_whitespace().map(OsString::from));
-        arguments.extend(["-o".into(), object.into(), self.path.into()]);
+        arguments.extend(["-o".into(), object.into(), self.argument()]);
         self.run(Tool::nasm(), &arguments)
     }
 
@@ -285,7 +294,7 @@ impl Maker<'_> {
         let mut arguments: Vec<OsString> = ["-c", "-g", "-fPIC"].map(OsString::from).into();
         let flags = if self.flags.trim().is_empty() { "-O3" } else { self.flags };
         arguments.extend(flags.split_whitespace().map(OsString::from));
-        arguments.extend(["-o".into(), object.into(), self.path.into()]);
+        arguments.extend(["-o".into(), object.into(), self.argument()]);
         self.run(Tool::cc(), &arguments)
     }
 
@@ -295,7 +304,7 @@ impl Maker<'_> {
         let mut arguments: Vec<OsString> = fixed.map(OsString::from).into();
         let flags = if self.flags.trim().is_empty() { "-C opt-level=3" } else { self.flags };
         arguments.extend(flags.split_whitespace().map(OsString::from));
-        arguments.extend(["-o".into(), shared.into(), self.path.into()]);
+        arguments.extend(["-o".into(), shared.into(), self.argument()]);
         arguments
     }
 
@@ -395,18 +404,10 @@ pub fn function_of(built: &Built, symbol: Option<&str>, operation: Option<&str>)
 /// # Errors
 /// If no name does, or several do.
 pub fn operation_of(built: &Built, symbol: Option<&str>, operations: &[&str]) -> Result<String, Unusable> {
-    let functions = built.functions();
-    let named: Vec<_> = match symbol {
-        Some(symbol) => vec![symbol.to_owned()],
-        None => functions.clone(),
-    };
-    let known: Vec<_> = named
-        .iter()
-        .filter_map(|function| {
-            let bare = function.strip_prefix("rayo_").unwrap_or(function);
-            operations.iter().find(|operation| **operation == bare)
-        })
-        .collect();
+    let named = symbol.map_or_else(|| built.functions(), |symbol| vec![symbol.to_owned()]);
+    let is_one = |function: &str, operation: &str| function.strip_prefix("rayo_").unwrap_or(function) == operation;
+    let find = |function: &String| operations.iter().find(|operation| is_one(function, operation));
+    let known: Vec<_> = named.iter().filter_map(find).collect();
     let all = operations.join(", ");
     match known[..] {
         [one] => Ok((*one).to_owned()),

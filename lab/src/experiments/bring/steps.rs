@@ -1,10 +1,9 @@
 //! One call of a user's function by its lines, and what each instruction changes.
 
-use super::call::{FencedPlaces, Session};
+use super::call::Session;
 use super::findings::{Finding, Step};
 use crate::measure::instructions::decode;
-use rayo::internals::kernels::fences::Side;
-use rayo::internals::kernels::step::{self, State, record_until_crash};
+use rayo::internals::kernels::step::{self, Recording, State};
 
 /// The most instructions that are shown.
 const MOST_STEPS: usize = 2000;
@@ -14,25 +13,11 @@ const GENERAL: [&str; 16] =
 
 /// Records a call with the first input, and reports its instructions.
 pub fn record(session: &Session<'_>) {
-    let start = session.function.address();
-    let watched = start..start + session.request.bytes.max(1);
-    let trials = session.wanted.trials(1, session.request.seed);
-    let Some(trial) = trials.first() else {
-        return session.tell(&Finding::Undone("steps: a tracer has too many; see `rayo step`".into()));
-    };
-    let places = match FencedPlaces::of(session.wanted, &trial.sample, Side::Before) {
-        Ok(places) => places,
-        Err(error) => return session.tell(&Finding::Undone(format!("steps: {error}"))),
-    };
-    let all = 0..u64::MAX;
-    let call = || session.function.call(places.registers());
-    match record_until_crash(&[watched], &[all], MOST_STEPS, call) {
-        Ok(recording) => {
-            let steps = recording.steps().map(|step| told(session, &step)).collect();
-            session.tell(&Finding::Steps(steps));
-        }
-        Err(reason) => session.tell(&Finding::Undone(format!("steps: {reason}"))),
-    }
+    let steps = |recording: Recording| recording.steps().map(|step| told(session, &step)).collect();
+    session.tell(&match session.record(MOST_STEPS) {
+        Ok(recording) => Finding::Steps(steps(recording)),
+        Err(reason) => Finding::Undone(format!("steps: {reason}")),
+    });
 }
 
 fn told(session: &Session<'_>, step: &step::Step<'_>) -> Step {

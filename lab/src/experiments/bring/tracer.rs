@@ -2,9 +2,9 @@
 
 use std::io;
 
-use super::call::{SIGPROF, Session};
-use super::findings::{Fault, Finding, Picture, Ratio};
-use super::memory::{beyond, distance};
+use super::call::{Part, Session};
+use super::findings::{Crash, Finding, Picture, Ratio};
+use super::memory::{MemoryFaults, call_between_fences};
 use super::wanted::Sample;
 use super::{convention, findings::Cycles};
 use crate::experiments::accuracy::subjects::shipped;
@@ -13,172 +13,184 @@ use crate::experiments::lab::{Bench, Case, LabError, Pairs, Timed};
 use crate::experiments::ops::turns::YOURS;
 use crate::measure::statistics::median;
 use crate::measure::{MachineClock, Runs};
-use rayo::internals::kernels::fences::{Fenced, Side};
-use rayo::internals::kernels::{Vec4, bytes, sys};
+use rayo::internals::kernels::fences::Side;
+use rayo::internals::kernels::{Frame, Vec4, bytes, examine, sys};
 use rayo::internals::plan::Packed;
-use rayo::internals::render::{Engine, Film, FilmMut, PixelFormat, Purpose};
-use rayo::internals::scene::Scene;
+use rayo::internals::render::{Engine, FilmMut, PixelFormat, Purpose};
+use rayo::internals::scene::{Scene, parse};
 
-/// The scenes that are traced: one of a sphere, one of triangles.
-const SCENES: [&str; 2] = ["sphere", "tetrahedron"];
+/// The scenes that are timed: one of a sphere, one of triangles. Their pictures are compared too.
+const TIMED_SCENES: [&str; 2] = ["sphere", "tetrahedron"];
+/// Scenes for what these leave open, with a picture that begins at a later column, on a background.
+const OTHER_SCENES: [(&str, &[u8]); 2] =
+    [("overlapping", include_bytes!("overlapping.in")), ("inside", include_bytes!("inside.in"))];
 /// The size of the pictures that are compared, and of those that are timed.
 const COMPARED: (u32, u32) = (160, 120);
 const TIMED: (u32, u32) = (408, 306);
-/// Pixels behind a picture that a tracer may write over without harm.
-const ROOM: usize = 64;
 /// How many times each contestant traces its picture.
 const ROUNDS: usize = 15;
 
 fn scene(name: &str, (width, height): (u32, u32)) -> Scene {
-    in_size(&shipped(name), width, height)
+    let other = OTHER_SCENES.iter().find(|(other, _)| *other == name);
+    let scene = other.map_or_else(|| shipped(name), |(_, text)| parse(text, name).expect("a test has read it"));
+    in_size(&scene, width, height)
 }
 
-/// A picture in floats by one of our engines.
-fn picture_by(engine: &str, scene: &Scene) -> Option<Vec<Vec4>> {
-    let engine: Engine = engine.parse().ok()?;
-    let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize).ok()?;
-    engine.prepare(None, scene).ok()?.rows(0..scene.camera.height(), film.as_mut());
-    match film.as_mut() {
-        FilmMut::F32x4(pixels) => Some(pixels.to_vec()),
-        _ => None,
+/// What is asked of a tracer: the columns of a scene from one on, on a background.
+struct View {
+    name: String,
+    scene: Scene,
+    first: u32,
+    background: Vec4,
+}
+
+impl View {
+    /// The whole picture of each scene that is timed, and a part of each other one.
+    fn all() -> Vec<View> {
+        let whole = TIMED_SCENES.map(|name| View {
+            name: format!("{name}.in"),
+            scene: scene(name, COMPARED),
+            first: 0,
+            background: Vec4::default(),
+        });
+        let part = |(name, _): (&str, _)| View {
+            name: format!("{name}.in from column 53"),
+            scene: scene(name, COMPARED),
+            first: 53,
+            background: Vec4::new(0.25, 0.5, 0.75),
+        };
+        whole.into_iter().chain(OTHER_SCENES.map(part)).collect()
+    }
+
+    fn width(&self) -> u32 {
+        self.scene.camera.width() - self.first
+    }
+
+    fn height(&self) -> u32 {
+        self.scene.camera.height()
+    }
+
+    /// Its pixels by one of our engines; None where that cannot run.
+    fn by(&self, engine: &str) -> Option<Vec<Vec4>> {
+        let engine: Engine = engine.parse().ok()?;
+        let mut whole = vec![Vec4::default(); self.scene.camera.pixels() as usize];
+        let plan = engine.prepare(None, &self.scene).ok()?;
+        plan.light(0..self.height(), &|_, columns| columns, self.background, &mut whole);
+        let rows = whole.chunks_exact(self.scene.camera.width() as usize);
+        Some(rows.flat_map(|row| &row[self.first as usize..]).copied().collect())
+    }
+
+    /// Its pixels by the user's tracer, in two calls, the second of which begins at a later row.
+    ///
+    /// # Errors
+    /// The crash of one that does not return.
+    fn by_users(&self, session: &mut Session<'_>) -> Result<Vec<Vec4>, Box<Crash>> {
+        let packed = Packed::new(&self.scene);
+        let (first, width) = (self.first.into(), self.width().into());
+        let frame = Frame { background: self.background, first, width, ..*packed.frame() };
+        let count = self.width() as usize * self.height() as usize;
+        // As much room behind the picture, so that a tracer that writes each row at its place in
+        // the whole picture spoils nothing of ours.
+        let mut pixels = vec![Vec4::from([f32::NAN; 4]); 2 * count];
+        let trace = session.function.trace();
+        let third = self.height() / 3;
+        let (above, below) = pixels[..count].split_at_mut(third as usize * self.width() as usize);
+        for (rows, out) in [(0..third, above), (third..self.height(), below)] {
+            session.allow();
+            let examined = examine(|| trace.call(&frame, packed.objects(), rows, out));
+            session.keep_broken(examined.broken);
+            if let Err(crashed) = examined.result {
+                return Err(Box::new(session.crash(&crashed.crash, &Sample { arguments: Vec::new() })));
+            }
+        }
+        pixels.truncate(count);
+        Ok(pixels)
+    }
+
+    /// The user's pixels beside the reference's, and whether they have the bits of `paper`'s.
+    fn compared(&self, pixels: &[Vec4]) -> Option<Picture> {
+        let reference = self.by("reference")?;
+        let (width, height) = (self.width(), self.height());
+        let mut picture = Picture {
+            scene: self.name.clone(),
+            width,
+            height,
+            same_bits: self.by("paper").is_some_and(|paper| bytes(&paper) == bytes(pixels)),
+            wrong: 0,
+            // As many at the outlines as rounding may decide.
+            allowed: u64::from(width + height) / 64,
+            largest: 0.0,
+            at: None,
+        };
+        for (index, (ours, theirs)) in reference.iter().zip(pixels).enumerate() {
+            let off = |(a, b): (f32, f32)| if b.is_nan() { f32::INFINITY } else { (a - b).abs() };
+            let lanes = ours.lanes().into_iter().zip(theirs.lanes()).take(3);
+            let difference = f64::from(lanes.map(off).fold(0.0, f32::max));
+            picture.wrong += u64::from(difference > 1.0 / 255.0);
+            if difference > picture.largest {
+                picture.largest = difference;
+                picture.at = Some((index as u32 % width, index as u32 / width));
+            }
+        }
+        Some(picture)
     }
 }
 
-/// Traces each scene by checked calls, and compares the pictures with the reference's.
+/// Traces each view by checked calls, and compares the pictures with the reference's.
 pub fn check_pictures(session: &mut Session<'_>) {
-    for name in SCENES {
-        let scene = scene(name, COMPARED);
-        let packed = Packed::new(&scene);
-        // Room behind the picture, so that what is written there spoils nothing of ours.
-        let count = scene.camera.pixels() as usize;
-        let mut room = vec![Vec4::from([f32::NAN; 4]); count + ROOM];
-        let pixels = &mut room[..count];
-        let trace = session.function.trace();
-        let rows = 0..scene.camera.height();
-        let examined = rayo::internals::kernels::examine(|| trace.call(packed.frame(), packed.objects(), rows, pixels));
-        for rule in examined.broken.into_iter().flat_map(|call| call.broken) {
-            if !session.broken.contains(&rule) {
-                session.broken.push(rule);
-            }
-        }
-        if let Err(crashed) = examined.result {
-            let crash = session.crash(&crashed.crash, &Sample { arguments: Vec::new() });
-            return session.tell(&Finding::Crash(Box::new(crash)));
-        }
-        if let Some(picture) = compared(name, &scene, pixels) {
-            session.tell(&Finding::Picture(picture));
+    for view in View::all() {
+        match view.by_users(session) {
+            Ok(pixels) => view.compared(&pixels).into_iter().for_each(|found| session.tell(&Finding::Picture(found))),
+            Err(crash) => return session.tell(&Finding::Crash(crash)),
         }
     }
     let faults = convention::faults(session, false);
     session.tell(&Finding::Convention(faults));
 }
 
-/// A picture beside the reference's, and whether it has the bits of `paper`'s.
-fn compared(name: &str, scene: &Scene, pixels: &[Vec4]) -> Option<Picture> {
-    let reference = picture_by("reference", scene)?;
-    let width = scene.camera.width();
-    let mut picture = Picture {
-        scene: format!("{name}.in"),
-        width,
-        height: scene.camera.height(),
-        same_bits: picture_by("paper", scene).is_some_and(|paper| bytes(&paper) == bytes(pixels)),
-        wrong: 0,
-        // As many at the outlines as rounding may decide.
-        allowed: u64::from(width + scene.camera.height()) / 64,
-        largest: 0.0,
-        at: None,
-    };
-    for (index, (ours, theirs)) in reference.iter().zip(pixels).enumerate() {
-        let off = |(a, b): (f32, f32)| if b.is_nan() { f32::INFINITY } else { (a - b).abs() };
-        let lanes = ours.lanes().into_iter().zip(theirs.lanes()).take(3);
-        let difference = f64::from(lanes.map(off).fold(0.0, f32::max));
-        picture.wrong += u64::from(difference > 1.0 / 255.0);
-        if difference > picture.largest {
-            picture.largest = difference;
-            picture.at = Some((index as u32 % width, index as u32 / width));
-        }
-    }
-    Some(picture)
-}
-
-/// All memory of a call of a tracer, each list of it next to a guard page.
-struct FencedScene {
-    frame: Fenced,
-    lists: Fenced,
-    out: Fenced,
-    /// The lights, the spheres and the triangles.
-    objects: [Fenced; 3],
-    rows: u64,
-}
-
-impl FencedScene {
-    fn new(scene: &Scene, side: Side) -> io::Result<Self> {
-        let packed = Packed::new(scene);
-        let all = packed.objects();
-        let fenced = |bytes: &[u8]| Fenced::new(bytes, 16, side);
-        let objects = [fenced(bytes(all.lights))?, fenced(bytes(all.spheres))?, fenced(bytes(all.triangles))?];
-        let counts = [all.lights.len(), all.spheres.len(), all.triangles.len()];
-        let lists = objects.iter().zip(counts).flat_map(|(list, count)| [list.address() as u64, count as u64]);
-        let lists: Vec<u8> = lists.flat_map(u64::to_ne_bytes).collect();
-        Ok(FencedScene {
-            frame: fenced(bytes(std::slice::from_ref(packed.frame())))?,
-            lists: Fenced::new(&lists, 8, side)?,
-            out: fenced(&vec![0xff; size_of::<Vec4>() * scene.camera.pixels() as usize])?,
-            objects,
-            rows: scene.camera.height().into(),
-        })
-    }
-
-    fn registers(&self) -> [u64; 6] {
-        let [frame, lists, out] = [&self.frame, &self.lists, &self.out].map(|place| place.address() as u64);
-        [frame, lists, 0, self.rows, out, 0]
-    }
-
-    /// Its parts by name.
-    fn parts(&self) -> [(&'static str, &Fenced); 6] {
-        let [lights, spheres, triangles] = &self.objects;
-        [
-            ("the picture", &self.out),
-            ("the frame", &self.frame),
-            ("the lists", &self.lists),
-            ("the lights", lights),
-            ("the spheres", spheres),
-            ("the triangles", triangles),
-        ]
-    }
+/// All memory of a call of a tracer: the picture, without its first rows and columns, the frame,
+/// the lists, and the lights, the spheres and the triangles.
+fn fenced(scene: &Scene, first: u32, side: Side) -> io::Result<[Part; 6]> {
+    let packed = Packed::new(scene);
+    let all = packed.objects();
+    let lights = Part::new("", "the lights", bytes(all.lights), 16, side)?;
+    let spheres = Part::new("", "the spheres", bytes(all.spheres), 16, side)?;
+    let triangles = Part::new("", "the triangles", bytes(all.triangles), 16, side)?;
+    let counts = [all.lights.len(), all.spheres.len(), all.triangles.len()];
+    let addresses = [&lights, &spheres, &triangles].map(Part::address);
+    let lists = addresses.into_iter().zip(counts).flat_map(|(address, count)| [address, count as u64]);
+    let lists: Vec<u8> = lists.flat_map(u64::to_ne_bytes).collect();
+    let [width, height] = [scene.camera.width(), scene.camera.height()].map(|side| u64::from(side - first));
+    let frame = Frame { first: first.into(), width, ..*packed.frame() };
+    let picture = vec![0xff; size_of::<Vec4>() * (width * height) as usize];
+    Ok([
+        Part { before: None, ..Part::new("", "the picture", &picture, 16, side)? },
+        Part::new("", "the frame", bytes(std::slice::from_ref(&frame)), 16, side)?,
+        Part::new("", "the lists", &lists, 8, side)?,
+        lights,
+        spheres,
+        triangles,
+    ])
 }
 
 /// Traces small pictures with all of their memory next to guard pages, on either side.
 ///
 /// # Errors
 /// If there is no memory for them.
-pub fn check_memory(session: &mut Session<'_>) -> io::Result<()> {
-    let mut faults: Vec<Fault> = Vec::new();
-    let mut add = |fault: Fault| {
-        if !faults.contains(&fault) {
-            faults.push(fault);
-        }
-    };
-    for (side, name) in Side::ALL.into_iter().flat_map(|side| SCENES.map(|name| (side, name))) {
-        for size in [(1, 1), (3, 2), (16, 2), (33, 3)] {
-            let places = FencedScene::new(&scene(name, size), side)?;
-            let outcome = session.function.examine(places.registers());
-            let is_late = outcome.crash.as_ref().is_some_and(|crashed| crashed.crash.signal == SIGPROF);
-            if let Some(crashed) = outcome.crash {
-                add(beyond(session, &crashed.crash, &places.parts()));
-            }
-            for (name, part) in places.parts() {
-                if let Some(place) = part.spoiled() {
-                    add(Fault::new(format!("writes beside {name}: {}", distance(place, part.len()))));
-                }
-            }
-            if is_late {
-                session.tell(&Finding::Memory(faults));
-                return Ok(());
+pub fn check_memory(session: &Session<'_>) -> io::Result<()> {
+    let mut faults = MemoryFaults::default();
+    let names = || TIMED_SCENES.into_iter().chain(OTHER_SCENES.map(|(name, _)| name));
+    'sides: for (side, name) in Side::ALL.into_iter().flat_map(|side| names().map(move |name| (side, name))) {
+        for (size, first) in [((1, 1), 0), ((3, 2), 0), ((3, 2), 1), ((16, 2), 0), ((33, 3), 1)] {
+            let parts = fenced(&scene(name, size), first, side)?;
+            let [out, frame, lists, ..] = parts.each_ref().map(Part::address);
+            let registers = [frame, lists, first.into(), size.1.into(), out, 0];
+            if !call_between_fences(session, registers, &parts, &mut faults) {
+                break 'sides;
             }
         }
     }
-    session.tell(&Finding::Memory(faults));
+    faults.tell(session);
     Ok(())
 }
 
@@ -190,10 +202,10 @@ pub fn time(session: &Session<'_>) {
     // Failing to pin the thread makes the figures noisier, not wrong.
     let _ = sys::pin_to_this_core();
     let mut ratios = Vec::new();
-    for name in SCENES {
+    for name in TIMED_SCENES {
         match time_scene(session, name, &mut clock) {
             Ok((cycles, of_scene)) => {
-                if name == SCENES[0] {
+                if name == TIMED_SCENES[0] {
                     session.tell(&Finding::Cycles(cycles));
                 }
                 ratios.extend(of_scene);
@@ -239,4 +251,26 @@ fn time_scene(
     let against_c = place("c-O3").map(|c| ratio("C/yours", c, 0));
     let against_paper = place("paper").map(|paper| ratio("yours/paper", 0, paper));
     Ok((cycles.collect(), against_c.into_iter().chain(against_paper).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_are_the_same_by_c_and_show_every_object_in_front() {
+        let views = View::all();
+        for view in &views {
+            let (reference, paper) = (view.by("reference").unwrap(), view.by("c").unwrap());
+            assert_eq!(reference.len(), paper.len());
+            assert_eq!(view.compared(&reference).unwrap().wrong, 0);
+            let of_c = view.compared(&paper).unwrap();
+            assert!(2 * of_c.wrong <= of_c.allowed, "{of_c:?}");
+        }
+        // All but the last sphere and triangle, which are behind the camera.
+        let hits = "reference".parse::<Engine>().unwrap().prepare(None, &views[2].scene).unwrap().hits(0..120);
+        let objects: std::collections::BTreeSet<_> =
+            hits.into_iter().flatten().map(|found| format!("{:?}", found.object)).collect();
+        assert_eq!(objects.len(), 7, "{objects:?}");
+    }
 }

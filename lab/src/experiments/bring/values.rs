@@ -2,7 +2,7 @@
 
 use super::bounded::{Bounded, outcomes};
 use super::call::{Session, UNWRITTEN};
-use super::findings::{Check, Crash, Example, Finding, FourthLane, FourthLaneCheck, Lane, Values};
+use super::findings::{Check, Crash, Example, Finding, FourthLane, Lane, Values};
 use super::wanted::{Sample, Trial, Wanted};
 use crate::experiments::check::same;
 
@@ -12,7 +12,7 @@ use crate::experiments::check::same;
 /// The crash that ended it.
 pub fn check(session: &mut Session<'_>) -> Result<(), Box<Crash>> {
     let wanted = session.wanted;
-    let trials = wanted.trials(session.request.inputs, session.request.seed);
+    let trials = session.request.trials();
     let mut tally = Tally::new(wanted);
     for (index, trial) in trials.iter().enumerate() {
         session.note(index as u64);
@@ -27,28 +27,43 @@ pub fn check(session: &mut Session<'_>) -> Result<(), Box<Crash>> {
         max_ulp: tally.max_ulp,
         max_ulp_expected: tally.max_ulp_expected,
         outside: tally.ordinary.failed,
-        worst: smallest(session, tally.first_wrong)?,
+        worst: tally.first_wrong.map(|wrong| smallest(session, wrong, &is_wrong)).transpose()?,
     };
     session.tell(&Finding::Values(values));
-    let odd = Check { holds: Some(tally.odd.failed == 0), worst: smallest(session, tally.first_odd)?, ..tally.odd };
-    session.tell(&Finding::Odd(odd));
-    let inputs = tally.with_w;
-    let lane = fourth_lane(session, tally.fourth)?;
-    session.tell(&Finding::FourthLane(FourthLaneCheck { inputs, lane }));
+    let worst = tally.first_odd.map(|wrong| smallest(session, wrong, &is_wrong)).transpose()?;
+    session.tell(&Finding::Odd(Check { holds: Some(tally.odd.failed == 0), worst, ..tally.odd }));
+    let lane = fourth_lane(session, tally.fourth, tally.with_w)?;
+    session.tell(&Finding::FourthLane(lane));
     Ok(())
 }
 
-/// What the function does with fourth lanes.
-fn fourth_lane(session: &mut Session<'_>, fourth: Fourth) -> Result<FourthLane, Box<Crash>> {
-    let Fourth::Seen { forms, within, ignored, example } = fourth else { return Ok(FourthLane::None) };
+/// What the function does with fourth lanes; `inputs` had one.
+fn fourth_lane(session: &mut Session<'_>, fourth: Fourth, inputs: u64) -> Result<FourthLane, Box<Crash>> {
+    let lane = |says: &str, worst: Option<Example>| FourthLane {
+        holds: Some(worst.is_none()),
+        inputs,
+        says: says.into(),
+        worst,
+    };
+    let Fourth::Seen { forms, not_computed, not_ignored, neither } = fourth else {
+        return Ok(lane("there is none", None));
+    };
     let form = forms.into_iter().find(|(_, all)| *all).map(|(form, _)| form);
-    Ok(match (form, smallest_with_w(session, example)?) {
-        (Some("aos"), _) => FourthLane::As("taken for 0, as `aos` does".into()),
-        (Some(_), _) => FourthLane::As("computed as the others".into()),
-        _ if within => FourthLane::As("computed as the others, in another order".into()),
-        _ if ignored => FourthLane::Ignored,
-        (None, Some(example)) => FourthLane::Otherwise(Box::new(example)),
-        (None, None) => FourthLane::Ignored,
+    let is_neither = |wanted: &Wanted, sample: &Sample, got: &[f32]| {
+        is_wrong(wanted, sample, got) && is_wrong(wanted, &without_w(wanted, sample), got)
+    };
+    Ok(match (form, neither, not_computed) {
+        (Some("aos"), ..) => lane("taken for 0, as `aos` does", None),
+        (Some(_), ..) => lane("computed as the others", None),
+        (None, Some(neither), _) => {
+            lane("neither added nor taken for 0", Some(smallest(session, neither, &is_neither)?))
+        }
+        (None, None, None) => lane("computed as the others, in another order", None),
+        (None, None, Some(ignored)) if not_ignored => {
+            let example = smallest(session, ignored, &is_wrong)?;
+            lane("computed for some inputs, taken for 0 for others", Some(example))
+        }
+        (None, None, Some(_)) => lane("taken for 0, as it is in a vector", None),
     })
 }
 
@@ -73,12 +88,12 @@ enum Fourth {
     Seen {
         /// For each form of the twin, whether all results are what it gives.
         forms: Vec<(&'static str, bool)>,
-        /// Whether all results are within the bound of any order of operations.
-        within: bool,
-        /// Whether all results are what it gives without them.
-        ignored: bool,
-        /// One that is neither.
-        example: Option<Sample>,
+        /// The first input whose result is outside of the bound of any order of operations.
+        not_computed: Option<Sample>,
+        /// Whether a result is not what the function has to give with 0 in place of fourth lanes.
+        not_ignored: bool,
+        /// The first input whose result is neither.
+        neither: Option<Sample>,
     },
 }
 
@@ -119,8 +134,8 @@ impl Tally {
         }
         if !trial.is_odd {
             let exact = wanted.bounded(&trial.sample);
-            most(&mut self.max_ulp, ulps(&exact, got));
-            most(&mut self.max_ulp_expected, ulps(&exact, &expected[0].1));
+            most(&mut self.max_ulp, ulps(&exact, got, is_right));
+            most(&mut self.max_ulp_expected, ulps(&exact, &expected[0].1, true));
         }
     }
 
@@ -129,19 +144,21 @@ impl Tally {
         let expected = wanted.expected(sample);
         let all = || expected.iter().map(|(form, _)| (*form, true)).collect();
         if matches!(self.fourth, Fourth::Untried) {
-            self.fourth = Fourth::Seen { forms: all(), within: true, ignored: true, example: None };
+            self.fourth = Fourth::Seen { forms: all(), not_computed: None, not_ignored: false, neither: None };
         }
-        let Fourth::Seen { forms, within, ignored, example } = &mut self.fourth else { return };
+        let Fourth::Seen { forms, not_computed, not_ignored, neither } = &mut self.fourth else { return };
         for ((_, all), (_, expected)) in forms.iter_mut().zip(&expected) {
             *all &= same_bits(got, expected);
         }
         let with = is_right(wanted, sample, got, &expected);
         let without = without_w(wanted, sample);
         let without = is_right(wanted, &without, got, &wanted.expected(&without));
-        *within &= with;
-        *ignored &= without;
-        if !with && !without && example.is_none() {
-            *example = Some(sample.clone());
+        *not_ignored |= !without;
+        if !with {
+            not_computed.get_or_insert_with(|| sample.clone());
+        }
+        if !with && !without {
+            neither.get_or_insert_with(|| sample.clone());
         }
     }
 
@@ -179,14 +196,18 @@ fn is_within(wanted: &Wanted, sample: &Sample, got: &[f32]) -> bool {
     }
 }
 
-/// The largest error of a result in units of its last place, of lanes whose terms do not cancel.
-fn ulps(exact: &[Bounded], got: &[f32]) -> Option<f64> {
-    let lanes = exact.iter().zip(got).filter(|(exact, _)| {
+/// The largest error of a result in units of its last place, of lanes whose terms do not cancel. An
+/// infinity or a NaN that is wrong has the largest error that there is.
+fn ulps(exact: &[Bounded], got: &[f32], is_right: bool) -> Option<f64> {
+    let error = |(exact, got): (&Bounded, &f32)| {
+        if !got.is_finite() {
+            return (!is_right && !exact.allows(*got)).then_some(f64::MAX);
+        }
         let value = exact.value.abs();
-        value.is_normal() && value >= 0.5 * exact.magnitude && (1e-30..1e30).contains(&value)
-    });
-    let error = |(exact, got): (&Bounded, &f32)| (f64::from(*got) - exact.value).abs() / ulp(exact.value);
-    lanes.map(error).filter(|error| error.is_finite()).reduce(f64::max)
+        let is_meaningful = value >= 0.5 * exact.magnitude && (1e-30..1e30).contains(&value);
+        is_meaningful.then(|| (f64::from(*got) - exact.value).abs() / ulp(exact.value))
+    };
+    exact.iter().zip(got).filter_map(error).reduce(f64::max)
 }
 
 /// The distance between two numbers of f32 around a value.
@@ -203,47 +224,27 @@ fn without_w(wanted: &Wanted, sample: &Sample) -> Sample {
     sample
 }
 
-/// The smallest wrong input that is found from a wrong one, with its results.
-fn smallest(session: &mut Session<'_>, wrong: Option<Sample>) -> Result<Option<Example>, Box<Crash>> {
-    let Some(wrong) = wrong else { return Ok(None) };
-    let wanted = session.wanted;
-    let fails = |session: &mut Session<'_>, sample: &Sample| -> Result<bool, Box<Crash>> {
-        let got = session.call(sample)?;
-        Ok(!is_right(wanted, sample, &got, &wanted.expected(sample)))
-    };
-    let sample = shrink(session, wrong, &fails)?;
-    example(session, &sample).map(Some)
+/// Whether a result for a sample is wrong in the sense of some check.
+type IsWrong<'a> = dyn Fn(&Wanted, &Sample, &[f32]) -> bool + 'a;
+
+fn is_wrong(wanted: &Wanted, sample: &Sample, got: &[f32]) -> bool {
+    !is_right(wanted, sample, got, &wanted.expected(sample))
 }
 
-/// The same of an input with fourth lanes, for which the function does neither what the twin does
-/// with them nor without.
-fn smallest_with_w(session: &mut Session<'_>, wrong: Option<Sample>) -> Result<Option<Example>, Box<Crash>> {
-    let Some(wrong) = wrong else { return Ok(None) };
-    let wanted = session.wanted;
-    let fails = |session: &mut Session<'_>, sample: &Sample| -> Result<bool, Box<Crash>> {
-        let got = session.call(sample)?;
-        let without = without_w(wanted, sample);
-        Ok([sample, &without].into_iter().all(|sample| !is_right(wanted, sample, &got, &wanted.expected(sample))))
-    };
-    let sample = shrink(session, wrong, &fails)?;
-    example(session, &sample).map(Some)
-}
-
-type Fails<'a> = dyn Fn(&mut Session<'_>, &Sample) -> Result<bool, Box<Crash>> + 'a;
-
-/// Simplifies an input number by number, as long as it fails.
-fn shrink(session: &mut Session<'_>, mut sample: Sample, fails: &Fails<'_>) -> Result<Sample, Box<Crash>> {
+/// The smallest wrong input that is found from a wrong one, with its results: simplified number by
+/// number, as long as the result is wrong.
+fn smallest(session: &mut Session<'_>, mut sample: Sample, is_wrong: &IsWrong<'_>) -> Result<Example, Box<Crash>> {
     /// Passes over all numbers: few change more than twice.
     const PASSES: usize = 4;
+    let wanted = session.wanted;
     for _ in 0..PASSES {
         let before = sample.clone();
         for argument in 0..sample.arguments.len() {
             for place in 0..sample.arguments[argument].len() {
-                let number = sample.arguments[argument][place];
-                for simpler in simpler_than(number) {
+                for simpler in simpler_than(sample.arguments[argument][place]) {
                     let mut tried = sample.clone();
                     tried.arguments[argument][place] = simpler;
-                    if fails(session, &tried)? {
+                    if is_wrong(wanted, &tried, &session.call(&tried)?) {
                         sample = tried;
                         break;
                     }
@@ -254,7 +255,8 @@ fn shrink(session: &mut Session<'_>, mut sample: Sample, fails: &Fails<'_>) -> R
             break;
         }
     }
-    Ok(sample)
+    let got = session.call(&sample)?;
+    Ok(compared(wanted, &sample, &got))
 }
 
 /// Numbers that are easier to read, the easiest first.
@@ -274,14 +276,8 @@ fn simpler_than(number: f32) -> Vec<f32> {
     simpler
 }
 
-/// An input with its results.
-pub fn example(session: &mut Session<'_>, sample: &Sample) -> Result<Example, Box<Crash>> {
-    let got = session.call(sample)?;
-    Ok(compared(session.wanted, sample, &got))
-}
-
 /// Results beside those that are expected.
-pub fn compared(wanted: &Wanted, sample: &Sample, got: &[f32]) -> Example {
+fn compared(wanted: &Wanted, sample: &Sample, got: &[f32]) -> Example {
     let expected = &wanted.expected(sample)[0].1;
     let exact = wanted.bounded(sample);
     let lanes = got.iter().zip(expected).zip(&exact).map(|((got, expected), exact)| Lane {
@@ -304,6 +300,19 @@ mod tests {
         for number in [-7.5, 1e30, f32::NAN, f32::INFINITY, 1e-40] {
             assert!(simpler_than(number).iter().all(|simpler| simpler.to_bits() != number.to_bits()), "{number}");
         }
+    }
+
+    #[test]
+    fn a_result_that_is_not_finite_has_the_largest_error() {
+        let exact = [2.0, f32::INFINITY].map(Bounded::from);
+        assert_eq!(ulps(&exact, &[2.0, f32::INFINITY], true), Some(0.0));
+        for wrong in [f32::NAN, f32::INFINITY, f32::from_bits(UNWRITTEN)] {
+            assert_eq!(ulps(&exact, &[wrong, f32::INFINITY], false), Some(f64::MAX));
+        }
+        // As where a comparison is in doubt.
+        assert_eq!(ulps(&exact, &[f32::INFINITY, 1.0], true), None);
+        let largest = Bounded::from(f32::MAX);
+        assert_eq!(ulps(&[largest + largest], &[f32::NAN], false), None);
     }
 
     #[test]

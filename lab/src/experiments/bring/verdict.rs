@@ -5,10 +5,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::call::SIGPROF;
-use super::findings::{
-    Check, Crash, Cycles, Example, Fault, Finding, FourthLane, FourthLaneCheck, PROVED, Picture, Ratio, Step, Values,
-};
+use super::findings::{Check, Crash, Cycles, Fault, Finding, FourthLane, PROVED, Picture, Ratio, Step, Values};
 use super::process::{End, Heard};
+use super::requirements::Requirement;
 use crate::measure::instructions::Mix;
 
 /// The stage whose process may fail without the function's fault.
@@ -26,19 +25,18 @@ pub struct Verdict {
     pub broken: Vec<String>,
     pub result: Values,
     pub odd: Check,
-    pub fourth_lane: FourthLaneVerdict,
+    pub fourth_lane: FourthLane,
     pub aliasing: FaultsVerdict,
     pub convention: FaultsVerdict,
     pub memory: FaultsVerdict,
-    /// The proof in words; None where nothing was proved.
-    pub proof: Option<String>,
+    pub proof: ProofVerdict,
     pub instructions: Instructions,
     #[serde(rename = "cycles")]
     pub figures: Figures,
-    pub crash: Option<CrashVerdict>,
+    pub crash: Option<Crash>,
     /// The beginning of what it printed.
     pub printed: String,
-    /// The same figures of ours.
+    /// What our own implementations cost, by name.
     pub against: BTreeMap<String, Figures>,
     /// The pictures of a tracer, and its time as a multiple of others'.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -57,16 +55,18 @@ pub struct Verdict {
     pub reads: Vec<usize>,
     #[serde(skip)]
     pub writes: usize,
+    /// Whether it writes where it may not.
+    #[serde(skip)]
+    pub writes_beyond: bool,
 }
 
+/// Whether it equals the twin for every input.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct FourthLaneVerdict {
+pub struct ProofVerdict {
+    /// None where no proof was tried.
     pub holds: Option<bool>,
-    /// How many inputs had one.
-    pub inputs: u64,
-    /// What the function does with it.
+    /// What is proved, or why nothing is; empty where no proof was tried.
     pub says: String,
-    pub worst: Option<Example>,
 }
 
 #[derive(Clone, Debug, Default, Serialize)]
@@ -77,6 +77,8 @@ pub struct FaultsVerdict {
 
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Instructions {
+    /// Whether there are no more than is required; None where they are not counted.
+    pub holds: Option<bool>,
     pub function: Option<usize>,
     pub body: Option<usize>,
     pub executed: Option<u64>,
@@ -88,6 +90,9 @@ pub struct Instructions {
 /// What a call costs.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Figures {
+    /// Whether the user's are no more than is required; None of ours, and where there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub holds: Option<bool>,
     pub latency: Option<f64>,
     pub throughput: Option<f64>,
     /// Static instructions, and those that a call executes.
@@ -99,22 +104,17 @@ pub struct Figures {
     pub executed: Option<u64>,
 }
 
-/// What ended a call, or the process.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct CrashVerdict {
-    /// Where: among the results, the guard pages or the figures.
-    pub stage: String,
-    pub what: String,
-    pub cause: Option<String>,
-    pub instruction: Option<String>,
-    pub line: Option<super::lines::Line>,
-    pub arguments: Vec<(String, Vec<String>)>,
-}
-
 impl Verdict {
-    /// Whether it is proved for every input.
-    pub fn is_proved(&self) -> bool {
-        self.proof.as_ref().is_some_and(|proof| proof.starts_with(PROVED))
+    /// Says of instructions and cycles whether they are what is required.
+    pub(super) fn judge_figures(&mut self, required: &[Requirement]) {
+        let hold = |names: &[&str]| {
+            let asked = required.iter().filter(|required| required.is_one_of(names));
+            asked.filter_map(|required| required.broken_by(self)).next().is_none()
+        };
+        let instructions = hold(&["instructions", "body", "executed"]);
+        let cycles = hold(&["cycles", "throughput"]);
+        self.instructions.holds = self.instructions.function.map(|_| instructions);
+        self.figures.holds = self.figures.latency.map(|_| cycles);
     }
 
     /// Adds what a process has found out. `arguments` gives those of the input that it was at.
@@ -125,7 +125,9 @@ impl Verdict {
         self.printed += &heard.printed;
         if stage == PROOF {
             // A prover that gives up is no fault of the function.
-            self.proof.get_or_insert_with(|| "none: the prover did not come to an end".into());
+            if self.proof.holds.is_none() {
+                self.add(stage, Finding::Proof("none: the prover did not come to an end".into()));
+            }
             return;
         }
         let what = match heard.end {
@@ -135,7 +137,7 @@ impl Verdict {
             End::Early(status) => ended(status),
         };
         if self.crash.is_none() {
-            self.crash = Some(CrashVerdict { stage: stage.into(), what, arguments: arguments(), ..Default::default() });
+            self.crash = Some(Crash { stage: stage.into(), what, arguments: arguments(), ..Crash::default() });
         }
     }
 
@@ -143,13 +145,16 @@ impl Verdict {
         match finding {
             Finding::Values(values) => self.result = values,
             Finding::Odd(check) => self.odd = check,
-            Finding::FourthLane(lane) => self.fourth_lane = lane.into(),
+            Finding::FourthLane(lane) => self.fourth_lane = lane,
             Finding::Aliasing(faults) => self.aliasing = faults.into(),
             Finding::Convention(faults) => {
                 self.convention = faults.into();
             }
-            Finding::Memory(faults) => self.memory = faults.into(),
-            Finding::Crash(crash) => self.crash = Some(CrashVerdict::new(stage, *crash)),
+            Finding::Memory { faults, writes } => {
+                self.memory = faults.into();
+                self.writes_beyond = writes;
+            }
+            Finding::Crash(crash) => self.crash = Some(Crash { stage: stage.into(), ..*crash }),
             Finding::Executed(executed) => {
                 self.instructions.executed = Some(executed.function);
                 self.instructions.executed_body = executed.body;
@@ -163,7 +168,7 @@ impl Verdict {
             Finding::Picture(picture) => self.add_picture(picture),
             Finding::Ratios(ratios) => self.ratios = ratios,
             Finding::Steps(steps) => self.steps = steps,
-            Finding::Proof(proof) => self.proof = Some(proof),
+            Finding::Proof(says) => self.proof = ProofVerdict { holds: Some(says.starts_with(PROVED)), says },
             Finding::Copy | Finding::Done => {}
         }
     }
@@ -204,33 +209,8 @@ fn ended(status: std::process::ExitStatus) -> String {
     }
 }
 
-impl From<FourthLaneCheck> for FourthLaneVerdict {
-    fn from(FourthLaneCheck { inputs, lane }: FourthLaneCheck) -> Self {
-        let (holds, says, worst) = match lane {
-            FourthLane::None => (true, "there is none".into(), None),
-            FourthLane::As(form) => (true, form, None),
-            FourthLane::Ignored => (true, "taken for 0, as it is in a vector".into(), None),
-            FourthLane::Otherwise(example) => (false, "neither added nor taken for 0".into(), Some(*example)),
-        };
-        FourthLaneVerdict { holds: Some(holds), inputs, says, worst }
-    }
-}
-
 impl From<Vec<Fault>> for FaultsVerdict {
     fn from(faults: Vec<Fault>) -> Self {
         FaultsVerdict { holds: Some(faults.is_empty()), faults }
-    }
-}
-
-impl CrashVerdict {
-    fn new(stage: &str, crash: Crash) -> Self {
-        CrashVerdict {
-            stage: stage.into(),
-            what: crash.what,
-            cause: crash.cause,
-            instruction: crash.instruction,
-            line: crash.line,
-            arguments: crash.arguments,
-        }
     }
 }
