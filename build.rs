@@ -16,11 +16,11 @@ fn main() {
     println!("cargo::rustc-env=RAYO_RUSTC={}", first_line(env::var("RUSTC").unwrap(), "--version"));
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
     let [paper, tiles] = ["layout.inc", "tile_layout.inc"].map(layout::Layout::read);
-    // C has no tiles.
+    // C does not use the structures of tiles.
     fs::write(out.join("layout.h"), paper.to_c()).unwrap();
     fs::write(out.join("layout.rs"), paper.to_rust() + &tiles.to_rust()).unwrap();
     if cfg!(feature = "lab") {
-        // Those of a build without kernels.
+        // What a build without kernels includes instead.
         fs::write(out.join("objects.rs"), "&[]").unwrap();
         fs::write(out.join("rungs.rs"), format!("rungs! {{ most {LADDER_MOST}; }} closed! {{}}")).unwrap();
         for unit in ["sse41", "avx2", "avx512"] {
@@ -92,10 +92,10 @@ mod native {
         Rung { name: "intrinsics_v3", source: CLOSED, level: Level::V3, flags: &INTRINSICS },
         Rung { name: "intrinsics_v4", source: CLOSED, level: Level::V4, flags: &INTRINSICS },
     ];
-    /// The source of rungs that are kernels of rows. Those named after Clang are compiled by it,
-    /// where it is installed.
+    /// The C source of the ladder's closed-form rungs, which shade whole rows. Rungs named after
+    /// Clang are compiled by Clang, if it is installed.
     const CLOSED: &str = "lit";
-    /// With these gcc vectorises roots and selections.
+    /// With these flags gcc vectorises square roots and selections.
     const PLAIN: [&str; 3] = ["-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"];
     const INTRINSICS: [&str; 2] = ["-DINTRINSICS", "-ffp-contract=fast"];
     const EVERY_HIT: &str = "-DNEAREST_ONLY=0";
@@ -108,8 +108,8 @@ mod native {
     const NO_BRANCHES: &str = "-fno-thread-jumps";
     const V3: &str = "-march=x86-64-v3";
     const V4: &str = "-march=x86-64-v4";
-    /// The meaning of these two, the first eight of them the former, for compilers that do not know
-    /// their names, such as gcc 10.
+    /// The flags that V3 (the first eight) and V4 (all) stand for, for compilers that do not know
+    /// these names, such as gcc 10.
     const EXTENSIONS: [&str; 13] = [
         "-mavx2",
         "-mbmi",
@@ -138,7 +138,7 @@ mod native {
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Level {
         Base,
-        /// Between two levels: for the packets of that name.
+        /// Not a level of its own, but SSE4.1, for the packets of that name.
         Sse41,
         V3,
         V4,
@@ -163,7 +163,7 @@ mod native {
         println!("cargo::rerun-if-env-changed=NASM");
         println!("cargo::rerun-if-env-changed=RAYO_STRICT");
 
-        // A compiler that cannot be used fails at once.
+        // C first: a compiler that cannot be used fails at once.
         let compiled = if cfg!(feature = "c") { compile(out) } else { Vec::new() };
         let assembled = assemble(out);
         let mut objects: Vec<_> = assembled.iter().chain(&compiled).cloned().collect();
@@ -202,7 +202,7 @@ mod native {
             return Vec::new();
         }
         println!("cargo::rustc-cfg=rayo_asm");
-        // A call for each unit, since each has its own listing.
+        // NASM runs once per unit, since each has its own listing.
         let objects: Result<_, _> = std::thread::scope(|threads| {
             let units = UNITS.map(|unit| threads.spawn(move || assemble_unit(out, unit)));
             units.map(|unit| unit.join().expect("assembling does not panic")).into_iter().collect()
@@ -211,7 +211,7 @@ mod native {
         let version = first_line(program, "-v");
         println!("cargo::rustc-env=RAYO_NASM={version}");
         objects.unwrap_or_else(|refused: Refused| {
-            // Of a NASM that is not there, the refusal says all.
+            // If NASM is missing, the error says all, and there is no version.
             let too_old = (!version.is_empty() && is_too_old(&version)).then(|| {
                 format!("this is {version}, which may be too old: name one of 2.15.05 or newer in the variable NASM")
             });
@@ -241,8 +241,8 @@ mod native {
         if strict() {
             nasm.flag("-Wall").flag("-Werror");
         }
-        // The shortest jumps take NASM some eleven passes over a unit, and unoptimised ones two:
-        // these will do in a hurry, and for Clippy, which runs nothing.
+        // The shortest jumps take NASM about eleven passes over a unit, unoptimised ones two.
+        // Unoptimised jumps suffice for debug builds, and for Clippy, which runs nothing.
         if matches!(env::var("OPT_LEVEL").as_deref(), Ok("0" | "1")) || env::var_os("CLIPPY_ARGS").is_some() {
             nasm.flag("-O1");
         }
@@ -250,7 +250,7 @@ mod native {
         if cfg!(feature = "lab") {
             nasm.flag("-Lm").flag("-l").flag(listing.to_str().expect("Cargo's paths are UTF-8"));
         }
-        // To a file: nasm-rs reports only the exit status.
+        // Messages go to a file: nasm-rs reports only the exit status.
         let messages = out.join(format!("{unit}.messages"));
         nasm.flag("-Z").flag(messages.to_str().expect("Cargo's paths are UTF-8"));
         nasm.file(format!("asm/{unit}.asm"));
@@ -294,7 +294,7 @@ mod native {
         let path = path.to_str().expect("Cargo's paths are UTF-8").as_bytes();
         let mut bytes = fs::read(object).unwrap();
         if let Some(at) = bytes.windows(path.len()).position(|window| window == path) {
-            // It ends at the first 0.
+            // The name ends at the first 0.
             bytes[at..at + path.len()].fill(0);
             bytes[at..at + name.len()].copy_from_slice(name.as_bytes());
             fs::write(object, bytes).unwrap();
@@ -313,7 +313,7 @@ mod native {
         c.opt_level(3)
             .debug(false)
             .std("c11")
-            // gcc's behaviour in this standard, and Clang's if requested.
+            // gcc's default for this C standard; Clang has to be asked for it.
             .flag_if_supported("-ffp-contract=off")
             .include(out)
             .warnings(true)
@@ -338,7 +338,7 @@ mod native {
             )
         });
         println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
-        // The flags that matter to a figure; paths do not, and belong to this machine.
+        // Keep the flags that affect measurements; paths do not, and are specific to this machine.
         let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
         let flags: Vec<_> = flags
             .filter(|flag| flag.starts_with('-') && !matches!(&**flag, "-I" | "-Werror") && !flag.contains('/'))
@@ -392,7 +392,7 @@ mod native {
             }
             c.define("TRACE", format!("rayo_ladder_{name}").as_str());
             c.define("LADDER_MOST", LADDER_MOST.to_string().as_str());
-            // A directory for each: objects are named after their sources.
+            // A directory for each rung: objects are named after their sources.
             c.out_dir(out.join(name)).file(format!("src/kernels/c/{source}.c"));
             objects.extend(c.try_compile_intermediates().unwrap_or_else(|error| {
                 fail(&format!("the C compiler refused the rung `{name}` of the ladder"), &error.to_string())
@@ -497,7 +497,7 @@ mod layout {
         pub fn read(file: &str) -> Layout {
             let path = format!("asm/include/{file}");
             let mut layout = Layout { strucs: Vec::new(), numbers: String::new() };
-            // The comment lines directly above.
+            // The comment lines directly above the structure.
             let mut above = Vec::new();
             for (number, line) in fs::read_to_string(&path).unwrap().lines().enumerate() {
                 let (line, comment) = line.split_once(';').unwrap_or((line, ""));
@@ -530,7 +530,7 @@ mod layout {
             layout
         }
 
-        /// Its numbers and records.
+        /// The numbers and structures of the file, for Rust.
         pub fn to_rust(&self) -> String {
             self.strucs.iter().fold(self.numbers.clone(), |text, struc| text + &struc.to_rust())
         }

@@ -1,4 +1,4 @@
-; alone_avx2.asm - the unit of macros by themselves, to be proved, in the instructions of avx2.
+; alone_avx2.asm - the unit for AVX2 in which each macro of the tracers is a function of its own, to be proved.
 
 %define ISA avx2
 %include "include/isa.inc"

@@ -1,4 +1,4 @@
-; alone_avx512.asm - the unit of macros by themselves, to be proved, in the instructions of avx512.
+; alone_avx512.asm - the unit for AVX-512 in which each macro of the tracers is a function of its own, to be proved.
 
 %define ISA avx512
 %include "include/isa.inc"

@@ -1,4 +1,4 @@
-; alone_sse41.asm - the unit of macros by themselves, to be proved, in the instructions of sse41.
+; alone_sse41.asm - the unit for SSE4.1 in which each macro of the tracers is a function of its own, to be proved.
 
 %define ISA sse41
 %include "include/isa.inc"

@@ -70,7 +70,8 @@ iend
 %endif
 %endmacro
 
-; CHAINS - the two chains of an operation, with the arguments of AOS_OP; these operands never miss.
+; CHAINS - the latency chain and the throughput chain of an operation, which takes the arguments of AOS_OP. The
+;          operands are such that every ray hits.
 %macro CHAINS 9
 %define %%name %1       ; [in]  as in AOS_OP
 %define %%a %2          ; [in]  as in AOS_OP, the label of its value here

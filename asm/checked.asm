@@ -17,7 +17,7 @@
 %assign FAULT_MXCSR      9              ; changed the rounding mode, the masks, FTZ or DAZ
 %assign FAULT_UPPER     10              ; left something in the upper parts of ymm or zmm: vzeroupper is missing
 
-%assign CANARIES        32              ; quadwords of the caller's frame that are watched
+%assign CANARIES        32              ; quadwords of the caller's stack frame that must not change
 %assign MXCSR_CONTROL   0xffc0          ; all but the sticky exception flags
 %assign DIRECTION_FLAG  1 << 10
 
@@ -31,11 +31,11 @@ upper:      resb 16 * 64                ; zmm0 to zmm15 as the kernel left them
 home:       resq 1                      ; rsp at the call: a kernel may spoil every register, so memory keeps it; else 0
 registers:  resq 1                      ; address of the arguments, where the result goes too
 vectors:    resq 1
-mxcsr:      resd 1                      ; the caller's
-mxcsr_inside: resd 1                    ; the kernel's
+mxcsr:      resd 1                      ; MXCSR of the caller
+mxcsr_inside: resd 1                    ; MXCSR while the kernel runs
 mxcsr_after: resd 1
 
-; FAULT_IF - sets a bit of r10 where the flags say so.
+; FAULT_IF - sets a bit of r10 if a condition holds for the flags.
 %macro FAULT_IF 2
 %define %%condition %1  ; [in]  a condition code
 %define %%bit %2        ; [in]  FAULT_*
@@ -245,14 +245,14 @@ ENDFUNC
 
 ; The broken operations, `fn(out: *mut f32, a: *const Vec4, b: *const Vec4)` as rayo_paper_dot: one mistake each.
 
-FUNC broken_dot_wrong                   ; forgets the second horizontal addition
+FUNC broken_dot_wrong                   ; omits the second horizontal addition
     movaps  xmm0, [rsi]
     mulps   xmm0, [rdx]
     haddps  xmm0, xmm0
     movss   [rdi], xmm0
 ENDFUNC
 
-FUNC broken_dot_rbx                     ; the right result, and a register that is not restored
+FUNC broken_dot_rbx                     ; computes the right result, but does not restore a register
     movaps  xmm0, [rsi]
     mulps   xmm0, [rdx]
     haddps  xmm0, xmm0
@@ -261,19 +261,19 @@ FUNC broken_dot_rbx                     ; the right result, and a register that 
     xor     ebx, ebx
 ENDFUNC
 
-FUNC broken_dot_address                 ; reads where nothing is
+FUNC broken_dot_address                 ; reads from an unmapped address
     movaps  xmm0, [rsi]
     xor     eax, eax
     mulps   xmm0, [rax + 64]
     movss   [rdi], xmm0
 ENDFUNC
 
-FUNC broken_dot_alignment               ; reads a vector across its alignment
+FUNC broken_dot_alignment               ; loads a vector from a misaligned address
     movaps  xmm0, [rsi + 4]
     movss   [rdi], xmm0
 ENDFUNC
 
-FUNC broken_dot_instruction             ; has an instruction that no CPU has
+FUNC broken_dot_instruction             ; executes an invalid instruction
     movaps  xmm0, [rsi]
     ud2
     movss   [rdi], xmm0

@@ -214,12 +214,13 @@ fn read_sources(strings: &mut Strings) -> Sources {
     Sources { macros, places, comments }
 }
 
-/// How many lines too many each file has, of those that a listing includes.
+/// By how many lines NASM 2.15 counts too many in each file, since it goes on counting in files
+/// that are included.
 #[derive(Default)]
 struct Shifts {
     of_files: HashMap<usize, usize>,
-    /// The open files: the depth of the line that includes each, and how many lines too many it
-    /// has.
+    /// The open files: for each the depth of the line that includes it, and by how many lines its
+    /// count is too high.
     open: Vec<(usize, usize)>,
     /// The previous line's file, if it includes one.
     included: Option<(usize, usize, usize)>,
@@ -240,7 +241,8 @@ impl Shifts {
         }
     }
 
-    /// The number of that line in the file of the macro around it, or else in the open one.
+    /// The corrected number of a line: in the file of the macro around it, or else in the innermost
+    /// open file.
     fn number(&self, line: &Line<'_>, around: Option<usize>) -> usize {
         let of = |file| self.of_files.get(&file).copied();
         line.number - around.map_or(self.open.last().map(|(_, shift)| *shift), of).unwrap_or(0)
@@ -301,7 +303,7 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
         (last_text, last_depth) = (line.text, line.depth);
         let Some((offset, bytes)) = line.code else { continue };
         continues = bytes.ends_with('-');
-        // Bytes that are repeated fill up to an alignment.
+        // Repeated bytes, which NASM marks by `<`, are padding up to an alignment.
         if !text_section || !wanted || bytes.contains('<') {
             continue;
         }
@@ -321,7 +323,7 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
     write(&strings, &macros, &calls, &instructions)
 }
 
-/// Holds the listing's bytes against the object's.
+/// Checks that the bytes in the listing are those of the object.
 fn check(instructions: &[Instruction], object: &Path) {
     let data = fs::read(object).unwrap();
     let file = object::File::parse(&*data).unwrap();
@@ -336,7 +338,8 @@ fn check(instructions: &[Instruction], object: &Path) {
     }
 }
 
-/// Only what instructions refer to, in the order that the head of this file has.
+/// The table in the format that the head of this file describes, with only what instructions refer
+/// to.
 fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[Instruction]) -> Vec<u8> {
     fn number(out: &mut Vec<u8>, mut value: usize) {
         while value >= 0x80 {
@@ -349,7 +352,7 @@ fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[In
         number(out, values.len());
         values.iter().for_each(|&value| number(out, value));
     }
-    // Calls of macros that make no instruction are not told.
+    // Calls of macros that make no instruction are left out.
     let mut used = vec![false; calls.len() + 1];
     for instruction in instructions {
         let mut call = instruction.call;

@@ -1,7 +1,7 @@
-//! The first error of an assembly in few words: NASM repeats each one for every use of a macro,
-//! level by level.
+//! Shortens NASM's error messages: NASM repeats each error for every use of a macro, level by
+//! level.
 //!
-//! What it writes of one begins with the line outside of all macros, and goes on to the innermost:
+//! Its message begins with the line outside of all macros, and goes on to the innermost macro:
 //!
 //! ```text
 //! asm/sse41.asm:16: error: parser: instruction expected
@@ -23,12 +23,12 @@ fn split(line: &str) -> Option<(Place<'_>, &str)> {
     })
 }
 
-/// The macro that a line of the list beneath an error names.
+/// The macro that a line of the list below an error names.
 fn macro_in(text: &str) -> Option<&str> {
     text.trim_start().strip_prefix("... from macro `")?.split_once('\'').map(|(name, _)| name)
 }
 
-/// The message of an error, or of one that ends the assembly at once.
+/// The message of an error, or of a fatal error that ends the assembly.
 fn error_in(text: &str) -> Option<&str> {
     ["error: ", "fatal: ", "panic: "].iter().find_map(|kind| text.strip_prefix(kind))
 }
@@ -45,7 +45,7 @@ pub fn first_error(messages: &str, line_of: impl Fn(&str, usize) -> Option<Strin
     let (_, Place { file, number }) = uses.last().expect("there is the outermost");
     let mut told = vec![format!("{file}:{number}: {message}")];
     told.extend(line_of(file, *number).map(|line| format!("    {}", line.trim())));
-    // Each is used at the place that stands before its own.
+    // A macro is used at the place in the entry before its own.
     for (used, (name, _)) in uses.iter().zip(&uses[1..]).rev() {
         let (_, Place { file, number }) = used;
         told.push(format!("in the macro {name}, used at {file}:{number}"));

@@ -47,7 +47,8 @@ fn products(pairs: &[(Vec3, Vec3)]) -> Products {
     all
 }
 
-/// So many pairs of integers, whose products are exact however they are rounded and summed.
+/// This many pairs of integer vectors, whose products are exact however they are rounded and
+/// summed.
 fn pairs(count: u8) -> Vec<(Vec3, Vec3)> {
     let vector = |n: u8| Vec3::new(f32::from(n), 2.0, -1.0);
     (0..count).map(|n| (vector(n), vector(n / 2))).collect()

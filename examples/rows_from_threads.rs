@@ -26,12 +26,12 @@ fn spiral(balls: u16, camera: Camera) -> Scene {
     }
 }
 
-/// All rows by this many threads, each of which takes the next few rows when it has finished its
-/// last.
+/// Traces all rows with this many threads. Each takes the next few rows whenever it has finished
+/// its last ones.
 fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {
     let (width, height) = (scene.camera.width() as usize, scene.camera.height());
-    // Any number would do. An engine that works in tiles is fastest with as many rows as a tile
-    // has, or a multiple.
+    // Any number of rows is possible. An engine that works in tiles is fastest with as many as a
+    // tile has, or a multiple.
     let together = tracer.rows_together();
     let mut picture = vec![Vec4::default(); width * height as usize];
     let pieces = Mutex::new((0..height).step_by(together as usize).zip(picture.chunks_mut(together as usize * width)));

@@ -58,7 +58,8 @@
 //! Nothing here needs `unsafe` of its caller. `ARCHITECTURE.md` in the repository has the layers
 //! and the reasons.
 
-// What the first page names is documented; behind it, comments say what a name does not.
+// Everything that this page re-exports is documented. In the modules behind it, comments only say
+// what names do not.
 #![warn(missing_docs)]
 
 // The example of the README is compiled by a test, and `examples/scene_to_png.rs` does more of the
@@ -67,7 +68,8 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// The vectors that scenes are made of: those of another version would be other types.
+/// The crate with the vector types of scenes, so that programs can use this very version: types of
+/// another version do not match.
 pub use glam;
 
 // All that a program needs to have a scene traced.

@@ -173,7 +173,7 @@ ENDFUNC
     ENDALONE
 %endmacro
 
-; LIT_FROM - makes a register a constant of SPHERE_LIT.
+; LIT_FROM - copies a register to a constant of SPHERE_LIT.
 %macro LIT_FROM 2
 %define %%name %1       ; [out]      without LIT_
 %define %%a %2          ; [in]       vreg

@@ -21,7 +21,8 @@
 ;
 ; The labels .body and .body_end enclose the operation itself, without its loads and stores.
 
-; AOS_OPERATIONS - the list of all operations: a line for each, which is what AOS_OP takes, and CHAINS of chains.asm.
+; AOS_OPERATIONS - passes each operation to a macro, AOS_OP or CHAINS of chains.asm, with the arguments that AOS_OP
+;                  explains.
 %macro AOS_OPERATIONS 1
 %define %%each %1       ; [in]  the macro that takes the lines
     %%each add, vector, other, xmm0, {movaps xmm1, [rdx]}, {}, xmm0, movaps, {VEC_ADD xmm0, xmm1}
@@ -75,7 +76,7 @@ FUNC AOS_NAME(%%name)
 ENDFUNC
 %endmacro
 
-; AOS_OPS - the functions of this file, for one form.
+; AOS_OPS - defines the functions of this file, for one form.
 %macro AOS_OPS 0
     AOS_OPERATIONS AOS_OP
 %endmacro

@@ -49,7 +49,8 @@
 %endif
 %endmacro
 
-; PACKET_OPERATIONS - the list of all operations: a line for each, which is what PACKET_OP takes.
+; PACKET_OPERATIONS - passes each operation to a macro, PACKET_OP or CHAINS, with the arguments that PACKET_OP
+;                     explains.
 %macro PACKET_OPERATIONS 1
 %define %%each %1       ; [in]  the macro that takes the lines
     %%each add3, a, none, 0, 3, {}, v0, v1, v2, v0, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
@@ -74,7 +75,8 @@
     VZERO   v5
 %endmacro
 
-; PACKET_OP - the function of an operation. One that has constants intersects rays with an object, and gives a mask too.
+; PACKET_OP - defines the function of an operation. One with constants intersects rays with an object and has a mask,
+;             too.
 %macro PACKET_OP 11
 %define %%name %1       ; [in]  the operation's name
 %define %%a %2          ; [in]  as in CHAINS
@@ -128,7 +130,7 @@ FUNC ISA_NAME %+ _ %+ %%name
 ENDFUNC
 %endmacro
 
-; PACKET_OPS - the functions of this file, for one element type.
+; PACKET_OPS - defines the functions of this file, for one element type.
 %macro PACKET_OPS 0
 %assign ESTIMATE 0
     PACKET_OPERATIONS PACKET_OP

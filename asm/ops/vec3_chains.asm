@@ -96,7 +96,7 @@ FUNC ISA_NAME %+ _ %+ %%name %+ _throughput
 END_CHAIN CHAIN_LINKS
 %endmacro
 
-; PACKET_CHAINS - the functions of this file, and their operands.
+; PACKET_CHAINS - defines the functions of this file, and their operands.
 %macro PACKET_CHAINS 0
 %assign ESTIMATE 0
 

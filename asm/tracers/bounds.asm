@@ -36,7 +36,8 @@
     IOP     pslld, w%[%%p], w%[%%p], 16
 %endmacro
 
-; PROJECT - d = x / z to_pixels, which replaces x, and the running minimum and maximum over three vertices.
+; PROJECT - replaces a coordinate x of three vertices by x / z to_pixels, and gives the least and the greatest of the
+;           three.
 ;   equals      kernels::portable::set_up::bounds_of
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
@@ -196,7 +197,7 @@ ENDFUNC
     STORE128 [%%to + TriangleArrays.blue], x, 0, 0
 %endmacro
 
-; BOUNDS - the function.
+; BOUNDS - defines the kernel, which the head of this file describes.
 %macro BOUNDS 0
 FUNC ISA %+ _bounds
     BEGIN_BOUNDS 12, [PACKET(magnitude)]

@@ -58,7 +58,7 @@
     jnz     %%four
 %endmacro
 
-; STORE_SELECTED - stores v<n> as f32 where the mask is, and what is in v<other> elsewhere, which v<other> becomes.
+; STORE_SELECTED - replaces v<other> by v<n> in the lanes of the mask, and stores it as f32.
 ;
 ;   instructions   sse41 6 (select, copy, narrow, store)   avx2, avx512 4
 %macro STORE_SELECTED 4
@@ -235,7 +235,7 @@
     EDGE_OF_TRIANGLE 3, 2, 0, zeros, ones, 10
 %endmacro
 
-; CAST - the function.
+; CAST - defines the kernel, which the head of this file describes.
 %macro CAST 0
 FUNC ISA %+ _cast
     PUSH_OWNED

@@ -1,19 +1,19 @@
 ; casters.asm - which points of a tile a light does not reach, since one of some objects lies between: exact shadows.
 ;
 ; An object hides a light L from a point P of another object if it meets the segment between them. A triangle does if P
-; is on the other side of its plane than L, and within its edges as L sees them: on the inner side of the planes
-; through L and each edge, eq. 10 asked from the light. A sphere does if the line through P and L meets it, eq. 5 asked
-; from P with g = L - P and q = c - P: D = (g.q)^2 - g.g (q.q - r^2) near it, r^2 g.g - |q x g|^2 from afar, where l =
-; c - L stands for q if it is much shorter; and if one of the two walls is between. What P's rounding may explain does
-; not hide.
+; and L are on different sides of its plane, and P is within its edges as L sees them: on the inner side of the planes
+; through L and each edge, eq. 10 applied from the light. A sphere does if the line through P and L meets it, by eq. 5
+; applied from P with g = L - P and q = c - P: D = (g.q)^2 - g.g (q.q - r^2) near it, r^2 g.g - |q x g|^2 from afar,
+; where l = c - L replaces q if it is much shorter; and if one of the two walls is between P and L. A hit that the
+; rounding of P could account for does not count.
 ;
 ; Assembled once per ISA, in f64. The functions:
 ;
 ;   rayo_<isa>_triangle_casters, rayo_<isa>_sphere_casters
 ;       unsafe extern "sysv64" fn(task: *const CastersTask)
 ;
-;   Leaves open those of the open points of groups that none of the objects hides that these have met; none is hidden by
-;   the object that it belongs to.
+; Clears, in each group's `open`, the points that some object which the group has met hides from the light. No point is
+; hidden by the object that it is on.
 ;
 ;   registers   rdi task, r12 the group; rsi light, rdx points, rcx whose they are, r11 their end, r8d those that are
 ;               open, r13d those still so; r9 casters, r10 one of them; rbx a pair, r14 the first of a group, r15 their
@@ -21,9 +21,9 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      kernels::portable::shadows::open
 
-%define SUM_OF_SIZES rsp                ; |P|, the sum of magnitudes of a register's points
+%define SUM_OF_SIZES rsp                ; |P|: for each point of a register the sum of its coordinates' magnitudes
 %define SUM_OF_SQUARES rsp + VBYTES     ; g.g
-%define OWN rsp + 2 * VBYTES            ; whose they are
+%define OWN rsp + 2 * VBYTES            ; the numbers of the points' objects
 
 ; POINT - v<n> = coordinate n of the points at rdx, and v3 = v3 + its magnitude. Clobbers v14.
 %macro POINT 1
@@ -254,7 +254,7 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
 ENDFUNC
 %endmacro
 
-; CASTERS - the functions of this file.
+; CASTERS - defines the functions of this file.
 %macro CASTERS 0
     CASTERS_OF triangle
     CASTERS_OF sphere

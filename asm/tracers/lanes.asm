@@ -43,7 +43,7 @@
 %endrep
 %endmacro
 
-; LANES_STORE - the same, to memory.
+; LANES_STORE - stores v<i> and the next two registers as three packets of memory.
 ;
 ;   instructions   3
 %macro LANES_STORE 2
@@ -105,7 +105,7 @@
 %endrep
 %endmacro
 
-; LANES_TRACER - the function, for an ISA.
+; LANES_TRACER - defines the kernel for an ISA; the head of this file describes it.
 %macro LANES_TRACER 0
 %assign ESTIMATE 0
 %if HAS_MASKS

@@ -311,7 +311,7 @@ align 16
 %endif
 %endmacro
 
-; LIT_TRACERS - the functions of this file, for one element type.
+; LIT_TRACERS - defines the functions of this file, for one element type.
 %macro LIT_TRACERS 0
 %assign ESTIMATE 0
     LITS    f32x4, F32X4

@@ -136,7 +136,7 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
 ENDFUNC
 %endmacro
 
-; LIT_ROWS - the functions of this file.
+; LIT_ROWS - defines the functions of this file.
 %macro LIT_ROWS 0
     ROWS    single, 4
     ROWS    double, 8

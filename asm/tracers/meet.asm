@@ -1,7 +1,8 @@
 ; meet.asm - which objects may hide a light from which points of a tile: those that a group of points meets.
 ;
-; A group meets an object if their bounds do, as the light sees both, and if it is not the one that all of its points
-; belong to: blocks of 16 objects are tested for LANES groups at once, then 16 objects for each group. The object must
+; A group of points meets an object if their bounds overlap, as the light sees both, and if not all of the points are
+; on that object: blocks of 16 objects are tested for LANES groups at once, then 16 objects for each group. The object
+; must
 ; also have an open point of the group within it, and not one of its own: a triangle within its edges, where c + a x +
 ; b y is at least 0, eq. 10 in the light's picture; a sphere within its bounds. What may be rounded is in c and in the
 ; bounds, so that none is culled that hides a point; few are left for f64.

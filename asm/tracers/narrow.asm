@@ -48,7 +48,7 @@
 %endif
 %endmacro
 
-; NARROWS - the functions of this file.
+; NARROWS - defines the functions of this file.
 %macro NARROWS 0
 FUNC ISA %+ _narrow_rgb8
     sub     rdx, LANES

@@ -39,7 +39,7 @@
 %endif
 %endmacro
 
-; NEARER_HALF - the function.
+; NEARER_HALF - defines the kernel, which the head of this file describes.
 %macro NEARER_HALF 0
 FUNC ISA %+ _nearer_half
     mov     r8, [rdi + HalfTask.candidates]

@@ -49,7 +49,7 @@
     ELEMENT_F64 xmm7, [%%r + ELEM * TrianglePlanes.side]
 %endmacro
 
-; BEFORE_DOUBT_SPHERE - nothing: of a sphere the rays in doubt share no value.
+; BEFORE_DOUBT_SPHERE - empty: the rays in doubt about a sphere share no value.
 %macro BEFORE_DOUBT_SPHERE 1
 %define %%r %1          ; [in]       address in its planes' first field
 %endmacro
@@ -176,16 +176,16 @@ struc NearestStack
     .bits:          resb VBYTES         ; of MASK_OF_BITS
     .origin_x:      resb VBYTES         ; the tile's middle in the picture
     .origin_y:      resb VBYTES
-    .low_x:         resb VBYTES         ; the window, relative to it
+    .low_x:         resb VBYTES         ; the window, relative to the tile's middle
     .high_x:        resb VBYTES
     .low_y:         resb VBYTES
     .high_y:        resb VBYTES
     .first_x:       resb VBYTES         ; of each lane's object: its first column, one past its last,
     .past_x:        resb VBYTES
     .row_past_x:    resb VBYTES         ; one past the last in its current row
-    .now_y:         resb VBYTES         ; that row
+    .now_y:         resb VBYTES         ; the current row
     .past_y:        resb VBYTES
-    .row_place:     resb VBYTES         ; where that row is in the tile
+    .row_place:     resb VBYTES         ; where the current row is in the tile
     .offset_x:      resb VBYTES         ; spheres: from the tile's middle to their own origins
     .offset_y:      resb VBYTES
     .reach1:        resb VBYTES         ; REACH(1) to REACH(3), where they are not registers
@@ -193,7 +193,7 @@ struc NearestStack
     .reach3:        resb VBYTES
     .inverses:      resb VBYTES * MOST_STEPS    ; found for one pixel of each lane: 1/t, ...
     .places:        resb VBYTES * MOST_STEPS    ; ... and its place in the tile
-    .found:         resb 256 + 64       ; the indices in these of the hits, a byte each
+    .found:         resb 256 + 64       ; the indices of hits in inverses and places, a byte each
     .numbers:       resq 9              ; the variables below, relative to rbp
 endstruc
 %define SAVED_R14 rbp - 48
@@ -362,7 +362,7 @@ endstruc
 %define D_AT(x) SPHERE_D_AT v9, x, v4, v5, v0, v7, v13
 %define INVERSE_AT(x) SPHERE_INVERSE_AT v10, x, v9, v6, v1, v14, v7, v13
 
-; AT_SPHERE - both for x from the tile's middle in v8. Clobbers v7, v11.
+; AT_SPHERE - v9 = D and v10 = 1/t, for x from the tile's middle in v8. Clobbers v7, v11.
 %macro AT_SPHERE 0
     VADD    v11, v8, [rsp + NearestStack.offset_x]
     D_AT(v11)
@@ -805,7 +805,7 @@ align 16
     END
 %endmacro
 
-; NEAREST_TILES - the functions of this file, for one element type.
+; NEAREST_TILES - defines the functions of this file, for one element type.
 %macro NEAREST_TILES 0
     NEAREST triangles, TRIANGLE, TrianglePlanes, TriangleArrays
     NEAREST spheres, SPHERE, SpherePlanes, SphereArrays

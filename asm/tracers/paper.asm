@@ -59,7 +59,7 @@ align 16
     add     %%end, %%first
 %endmacro
 
-; PAPER_TRACER - the function, for one form.
+; PAPER_TRACER - defines the kernel for one form; the head of this file describes it.
 %macro PAPER_TRACER 0
 %if AOS_HITS
 %define PIXEL_SIZE Surface_size

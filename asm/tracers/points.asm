@@ -1,7 +1,8 @@
-; points.asm - what is visible at the pixels of a tile: the points to which lights are asked for, in f64.
+; points.asm - the points that are visible at the pixels of a tile, in f64: from these, shadows are tested.
 ;
-; 1/t of the nearest objects is in the tile, but as exact as shading needs it. Whether a light is hidden is asked at the
-; point itself, from the object's own equation: 1/t = h + sqrt D over k for a sphere seen from outside, eq. 5, and
+; The tile holds 1/t of the nearest objects, but only as exactly as shading needs it. Shadows are tested at the point
+; itself, which is computed from the object's equation: 1/t = h + sqrt D over k for a sphere seen from outside, eq. 5,
+; and
 ; n . d / (v1 . n) for a triangle, eq. 9, of which PointObject makes one formula. Products and sums are rounded
 ; separately, so that all ISAs have the same points. Where no pixel of a register has an object that a light may reach,
 ; the points are no numbers.
@@ -139,7 +140,7 @@ FUNC ISA %+ _ %+ %%precision %+ _points
 ENDFUNC
 %endmacro
 
-; POINTS_OF_TILES - the functions of this file.
+; POINTS_OF_TILES - defines the functions of this file.
 %macro POINTS_OF_TILES 0
     POINTS  single, 4
     POINTS  double, 8

@@ -19,7 +19,7 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      kernels::portable::shadows::seen
 
-; LEAST_SO_FAR - least = the lesser of it and a, but for where a is no number. Clobbers a.
+; LEAST_SO_FAR - least = the lesser of least and a, where a is a number. Clobbers a.
 %macro LEAST_SO_FAR 2
 %define %%least %1      ; [in/out]   vreg
 %define %%a %2          ; [in]       vreg
@@ -56,7 +56,7 @@
 %endif
 %endmacro
 
-; SEEN - the function.
+; SEEN - defines the kernel, which the head of this file describes.
 %macro SEEN 0
 FUNC ISA %+ _seen
     CONSTANTS LightSideView_size

@@ -39,9 +39,9 @@
     lea     %%r, [rdx + r14]
 %endmacro
 
-; ASK_FOR - prefetches the objects of a later chunk that have the same places in it as this packet's objects in theirs,
-;           or its last one in place of missing ones. A whole chunk at once would exceed the misses a core can have
-;           outstanding. Clobbers rax, r11, r12 and r13.
+; ASK_FOR - prefetches objects of a later chunk: those with the same indices in it as this packet's objects in theirs,
+;           or its last one in place of missing ones. Prefetching a whole chunk at once would exceed the misses a core
+;           can have outstanding. Clobbers rax, r11, r12 and r13.
 %macro ASK_FOR 4
 %define %%count %1      ; [in]       field of SetupTask: number of objects in that chunk
 %define %%chunks %2     ; [in]       its distance from this one, in chunks
@@ -346,7 +346,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     END
 %endmacro
 
-; SET_UPS - the functions of this file.
+; SET_UPS - defines the functions of this file.
 %macro SET_UPS 0
     SET_UP  single, 4
     SET_UP  double, 8

@@ -466,8 +466,8 @@ align 16
     jnz     .light
 %endmacro
 
-; ADD_LIGHT - adds a cosine times the weights of the light at r13 to the colours v1, v2, v3 of the lanes whose id is
-;             that at r11: the lanes of the mask, which without FMA has to be made again.
+; ADD_LIGHT - adds a cosine times the weights of the light at r13 to the colours v1, v2, v3, in the lanes whose id is
+;             the one at r11: the lanes of the mask, which without FMA has to be computed again.
 %macro ADD_LIGHT 4
 %define %%cosine %1     ; [in/out]   vreg
 %define %%record %2     ; [in]       ObjectLight or ShortLight
@@ -486,7 +486,7 @@ align 16
     VFMA    v3, %%cosine, ONE, %%t
 %endmacro
 
-; SHADE_TILES - the functions of this file, for one element type.
+; SHADE_TILES - defines the functions of this file, for one element type.
 %macro SHADE_TILES 0
 %assign ESTIMATE 0
     SHADE_TILE f32x4, F32X4

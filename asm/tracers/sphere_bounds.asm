@@ -32,7 +32,7 @@
     VMIN    %%p, %%p, K(SphereView. %+ %%side)
 %endmacro
 
-; SPHERE_BOUNDS - the function.
+; SPHERE_BOUNDS - defines the kernel, which the head of this file describes.
 %macro SPHERE_BOUNDS 0
 FUNC ISA %+ _sphere_bounds
     BEGIN_BOUNDS 8, [single_magnitude]

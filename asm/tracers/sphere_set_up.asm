@@ -558,7 +558,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
     END_SPHERES
 %endmacro
 
-; SPHERE_SET_UPS - the functions of this file.
+; SPHERE_SET_UPS - defines the functions of this file.
 %macro SPHERE_SET_UPS 0
     SPHERE_SET_UP single, 4
     SPHERE_SET_UP double, 8
