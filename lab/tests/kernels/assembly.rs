@@ -1,5 +1,5 @@
-//! The kernels disassembled: their instructions, symbols and constants, and the counts that the
-//! macros' comments give.
+//! The disassembled kernels: checks of their instructions, symbols and constants, and of the
+//! instruction counts in the macros' comments.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -15,16 +15,16 @@ use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarg
 use rayo::internals::kernels::harness::{BROKEN, BROKEN_DOTS};
 use rayo::internals::kernels::{self, OBJECTS};
 
-/// What a unit of kernels may be made of.
+/// What the code of a unit of kernels may contain.
 struct Unit {
     name: &'static str,
-    /// Beyond what every x86-64 CPU has: what `Isa::usable` asks for.
+    /// The CPU features that it may use beyond x86-64's baseline: those that `Isa::usable` checks.
     features: &'static [CpuidFeature],
-    /// Whether all of its vector instructions are VEX or EVEX encoded, or none.
+    /// Whether all of its vector instructions must be VEX or EVEX encoded; otherwise none may be.
     vex: bool,
 }
 
-/// Every unit of asm/ that has kernels.
+/// The units of asm/ with kernels that engines call.
 const UNITS: [Unit; 3] = [
     Unit { name: "sse41", features: &[SSE3, SSSE3, SSE4_1], vex: false },
     Unit { name: "avx2", features: &[AVX, AVX2, FMA], vex: true },
@@ -36,23 +36,24 @@ const UNITS: [Unit; 3] = [
     },
 ];
 
-/// The harness of the checked calls, the broken kernels in it: it has instructions of every width.
+/// The unit of the checked call and of the broken kernels. It has instructions of every vector
+/// width.
 const HARNESS: &str = "checked";
 
-/// Objects that are there to be counted or timed, and that no engine calls:
-/// cli/tests/commands/ops.rs has them under test.
+/// Objects that exist only to be counted or timed and that no engine calls;
+/// cli/tests/commands/ops.rs tests them.
 const MEASURED: [&str; 7] = ["known", "chains", "O0", "O1", "O2", "O3", "native"];
 
-/// The implementations whose symbols are rayo_<name>_<operation>.
+/// The implementations whose symbols are named rayo_<name>_<operation>.
 const IMPLEMENTATIONS: [&str; 3] = ["c", "paper", "aos"];
 
-/// The one kernel that is no leaf: the experiment's, which calls operations in place of pasting
-/// them in.
+/// The only kernel that calls other functions: the experiment's tracer, whose operations are called
+/// instead of expanded inline.
 const CALLS: &str = "rayo_calls_trace";
-/// Where it has them.
+/// The section with these operations.
 const CALLED: &str = ".text.called";
 
-/// What every x86-64 CPU has; endbr64 is a nop where it is not known.
+/// The features of the x86-64 baseline. endbr64 (CET_IBT) counts too, as it is a nop on other CPUs.
 const BASELINE: [CpuidFeature; 10] = [
     CpuidFeature::INTEL8086,
     CpuidFeature::INTEL186,
@@ -88,20 +89,20 @@ impl<'a> Code64<'a> {
         Code64 { file: object::File::parse(bytes).expect("an object file") }
     }
 
-    /// What lies between two addresses of .text.
+    /// The instructions between two addresses of .text.
     fn decode(&self, addresses: Range<u64>) -> Vec<Instruction> {
         let text = self.file.section_by_name(".text").expect("code").data().unwrap();
         let bytes = &text[addresses.start as usize..addresses.end as usize];
         Decoder::with_ip(64, bytes, addresses.start, DecoderOptions::NONE).into_iter().collect()
     }
 
-    /// The names of what is exported.
+    /// The names of the exported symbols.
     fn exported(&self) -> Vec<&str> {
         let exported = self.file.symbols().filter(|symbol| symbol.is_global() && !symbol.is_undefined());
         exported.map(|symbol| symbol.name().unwrap()).collect()
     }
 
-    /// What NASM exports, in the order of addresses: all of it is in one section.
+    /// The exported functions of a NASM object, in the order of their addresses.
     fn functions(&self) -> Vec<Function> {
         let functions = self.exported().into_iter().map(|name| {
             let symbol = self.file.symbol_by_name(name).unwrap();
@@ -119,7 +120,7 @@ impl<'a> Code64<'a> {
         symbol.unwrap_or_else(|| panic!("there is no label {label}")).address()
     }
 
-    /// What lies between the labels .body and .body_end of a function.
+    /// The instructions between the labels .body and .body_end of a function.
     fn body(&self, function: &str) -> Vec<Instruction> {
         let label = |label| self.address(&format!(".L{function}.{label}"));
         self.decode(label("body")..label("body_end"))
@@ -130,8 +131,7 @@ fn is_vex(instruction: &Instruction) -> bool {
     instruction.encoding() != EncodingKind::Legacy
 }
 
-/// The instructions that a CPU with `unit.features` alone does not run, or that are encoded in
-/// another way.
+/// The instructions that need other features than `unit.features`, or that have the wrong encoding.
 fn foreign(unit: &Unit, functions: &[Function]) -> Vec<String> {
     let allowed = |feature: &CpuidFeature| BASELINE.contains(feature) || unit.features.contains(feature);
     let mut found = Vec::new();
@@ -149,8 +149,8 @@ fn foreign(unit: &Unit, functions: &[Function]) -> Vec<String> {
     found
 }
 
-/// The returns that no vzeroupper comes before, though vector instructions of VEX or EVEX encoding
-/// do.
+/// The number of returns that no vzeroupper precedes, although VEX or EVEX encoded vector
+/// instructions do.
 fn returns_with_dirty_registers(function: &Function) -> usize {
     let mut returns = 0;
     let mut dirty = false;
@@ -159,7 +159,7 @@ fn returns_with_dirty_registers(function: &Function) -> usize {
             Mnemonic::Vzeroupper | Mnemonic::Vzeroall => dirty = false,
             Mnemonic::Ret => {
                 returns += usize::from(dirty);
-                // What comes next is reached by a jump from before.
+                // What follows a jump or return may be reached from anywhere before.
                 dirty = function.instructions.iter().any(is_vex);
             }
             _ => dirty |= is_vex(instruction),
@@ -307,11 +307,11 @@ fn constants_are_read_only_and_aligned() {
                 continue;
             }
             assert_eq!(section, rodata.index(), "{}: {instruction}", unit.name);
-            // The CPU adds the distance to the address of the next instruction, the linker to that
-            // of the distance.
+            // rip-relative addressing adds the displacement to the address of the next instruction,
+            // but the relocation is relative to the address of the displacement.
             let rest = instruction.next_ip() - offset;
             let address = base.wrapping_add_signed(relocation.addend()).wrapping_add(rest);
-            // Of a record an address is taken; what is read there is an element.
+            // `lea` takes the address of a record, whose elements are then read.
             let taken = instruction.mnemonic() == Mnemonic::Lea;
             let size = if taken { 4 } else { instruction.memory_size().size() as u64 };
             assert!(size > 0 && address + size <= rodata.size(), "{}: {instruction} at {address}", unit.name);
@@ -338,7 +338,7 @@ fn kernels_of_the_list_are_the_symbols_of_the_objects() {
     expected.extend(kernels::packet_op_symbols().map(str::to_owned));
     expected.extend(kernels::lane_symbols().map(str::to_owned));
     expected.extend(kernels::alone().map(|macros| macros.symbol().to_owned()));
-    // Chains of those in f32, which are timed.
+    // Each operation in f32 has two chains, which are timed.
     for symbol in kernels::packet_op_symbols().filter(|symbol| symbol.contains("_single_")) {
         expected.extend(["latency", "throughput"].map(|chain| format!("{symbol}_{chain}")));
     }
@@ -357,12 +357,11 @@ fn kernels_of_the_list_are_the_symbols_of_the_objects() {
     assert!(difference.is_empty(), "in the objects or in the list alone: {difference:?}");
 }
 
-/// A documented number of instructions: `(macro, form, of what)`, where the form is empty if there
-/// is one for all, and `of what` is empty for the whole.
+/// The key of a documented number of instructions: `(macro, form, circumstances)`. The form is
+/// empty if the number holds for all forms, and the circumstances are empty for the usual ones.
 type Count = (String, String, String);
 
-/// The macros of asm/include: their names, how many parameters they have, and the comments above
-/// them.
+/// The macros of asm/include: name, number of parameters, and the comment lines above.
 fn macros() -> Vec<(String, usize, Vec<String>)> {
     let mut macros = Vec::new();
     for entry in fs::read_dir(asm().join("include")).unwrap() {
@@ -383,11 +382,11 @@ fn macros() -> Vec<(String, usize, Vec<String>)> {
     macros
 }
 
-/// The numbers in the comments above the macros of asm/include.
+/// The numbers of instructions in the comments above the macros of asm/include.
 ///
-/// After the word `instructions` come forms, apart by two spaces or by lines, each as `<name>[,
-/// <name>...] <number>[, <number> <of what>...] [(<which ones>)]`, without a name where all forms
-/// have it.
+/// The word `instructions` is followed by forms, separated by two spaces or line ends. Each is
+/// `<name>[, <name>...] <number>[, <number> <circumstances>...] [(<details>)]`; the name is missing
+/// if the number holds for all forms.
 fn documented() -> BTreeMap<Count, usize> {
     let mut counts = BTreeMap::new();
     for (name, _, comment) in macros() {
@@ -405,7 +404,7 @@ fn documented() -> BTreeMap<Count, usize> {
     counts
 }
 
-/// The forms, what is counted and the numbers of one line, see [`documented`].
+/// The forms, circumstances and numbers in one line; see [`documented`].
 fn counts_of_line(line: &str) -> Vec<(String, String, usize)> {
     let mut plain = String::new();
     let mut depth = 0;
@@ -419,7 +418,7 @@ fn counts_of_line(line: &str) -> Vec<(String, String, usize)> {
     assert_eq!(depth, 0, "an open parenthesis: {line}");
     let mut counts = Vec::new();
     for part in plain.split("  ").map(str::trim).filter(|part| !part.is_empty()) {
-        // A form's name may have digits in it: the first number is the first word that is one.
+        // A form's name may contain digits: the first word that is a number begins the counts.
         let mut words = part.split_inclusive(' ').scan(0, |at, word| {
             *at += word.len();
             Some((*at - word.len(), word))
@@ -442,11 +441,11 @@ fn asm() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../asm"))
 }
 
-/// The forms of the macros, and the implementations that are made of them.
+/// The forms of the paper's macros, and the implementations built from them.
 const FORMS: [(&str, &str); 2] = [("paper", "paper"), ("best", "aos")];
 
-/// The macros that an operation of asm/ops exercises alone, the operation, and of what the whole of
-/// it is the count.
+/// Macros that an operation of asm/ops consists of: the macro, the operation, and the circumstances
+/// whose count the whole operation gives.
 const OPERATIONS: &[(&str, &str, &str)] = &[
     ("VEC_ADD", "add", ""),
     ("VEC_SUB", "sub", ""),
@@ -461,7 +460,7 @@ const OPERATIONS: &[(&str, &str, &str)] = &[
     ("LAMBERT", "lambert2", "with two sides"),
 ];
 
-/// The other macros of the paper's engine, each used once in a function of its own.
+/// The other macros of the paper's engine, counted in functions that consist of one use.
 const AOS_SNIPPETS: [Row; 4] = [
     ("VEC_SUM", "", "xmm0, xmm1"),
     ("PLANE_NORMAL", "", "xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
@@ -469,22 +468,20 @@ const AOS_SNIPPETS: [Row; 4] = [
     ("OPERATION END_OPERATION", "", ""),
 ];
 
-/// Macros, under which circumstances they are used (empty for the usual ones), and with which
-/// operands.
+/// A macro, the circumstances of a use (empty for the usual ones), and its operands.
 type Row = (&'static str, &'static str, &'static str);
-/// The same of one macro.
+/// The same, with owned strings.
 type Snippet = (String, &'static str, String);
 
-/// What is counted of a macro that takes a number of constants: how many more instructions one more
-/// makes.
+/// The circumstances of a count that depends on a number of constants: by how much one more
+/// constant raises it.
 const EACH: &str = "more for each constant";
 
-/// Circumstances in which ESTIMATE is 1.
+/// The circumstances in which ESTIMATE is 1.
 const ESTIMATES: &str = "with estimates";
 
-/// The macros of the packets, each in every circumstance that may change the number of its
-/// instructions. Those in no table have one, and take each of their parameters in a register of its
-/// own.
+/// The macros of packets, in every circumstance that may change the number of instructions. Macros
+/// that are not in the table are used in one way, with a register of its own for each parameter.
 const PACKET_SNIPPETS: [Row; 101] = [
     ("ELEMENT", "", "ELEM"),
     ("CONSTANTS", "", "0"),
@@ -596,7 +593,7 @@ fn snippets(rows: &[Row]) -> Vec<Snippet> {
     rows.iter().flat_map(snippets).collect()
 }
 
-/// Those of the packets.
+/// The snippets of all macros of packets.
 fn packet_snippets() -> Vec<Snippet> {
     let mut packets = snippets(&PACKET_SNIPPETS);
     let others =
@@ -611,12 +608,12 @@ fn packet_snippets() -> Vec<Snippet> {
     packets
 }
 
-/// The bytes of the packets' elements, f32 and f64.
+/// The bytes of an element, for f32 and f64.
 const ELEMENTS: [u32; 2] = [4, 8];
 
-/// Assembles lines, each in a function rayo_<number> in the unit `isa` with elements of so many
-/// bytes, AOS_BEST being `best`. The labels .begin, .body, .body_end and .leave are at the ends of
-/// what FUNC, the line and ENDFUNC make.
+/// Assembles each line in a function rayo_<number> in the unit `isa`, for elements of this many
+/// bytes and with AOS_BEST set to `best`. The labels .begin, .body, .body_end and .leave separate
+/// the code of FUNC, of the line and of ENDFUNC.
 fn assemble(isa: &str, element: u32, best: bool, lines: &[String]) -> Result<Vec<u8>, String> {
     let includes = |file: &str| {
         let text = fs::read_to_string(asm().join(file)).unwrap();
@@ -646,7 +643,7 @@ fn assemble(isa: &str, element: u32, best: bool, lines: &[String]) -> Result<Vec
     if done.status.success() { Ok(fs::read(output).unwrap()) } else { Err(String::from_utf8(done.stderr).unwrap()) }
 }
 
-/// How many instructions each snippet takes; first those of FUNC, ENDFUNC and END.
+/// The number of instructions of each snippet, preceded by those of FUNC, ENDFUNC and END.
 fn count_snippets(isa: &str, element: u32, best: bool, snippets: &[Snippet]) -> BTreeMap<(String, String), usize> {
     let line = |(name, of, operands): &Snippet| {
         format!("%assign ESTIMATE {}\n    {name} {operands}", u8::from(of.contains(ESTIMATES)))
@@ -669,11 +666,11 @@ fn count_snippets(isa: &str, element: u32, best: bool, snippets: &[Snippet]) -> 
     counts
 }
 
-/// The instructions of the macros of the packets in one unit: the usual number, and others where
-/// they differ from it.
+/// The numbers of instructions of the packet macros in one unit: the usual numbers, and those of
+/// other circumstances where they differ.
 fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
     let [usual, wide] = ELEMENTS.map(|element| {
-        // AVX-512 alone has estimates to begin with in f64, and the short form alone uses them.
+        // Only AVX-512 has estimates in f64, and only the short form uses them there.
         let refined =
             |name: &str| isa == "avx512" && (["VOVER_SQRT", "SPHERE_LIT"].contains(&name) || name.starts_with("LIT_"));
         let has = |(name, of, _): &Snippet| match *of {
@@ -696,7 +693,7 @@ fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
         if differs {
             counts.insert((name.clone(), of.clone()), *count);
         }
-        // What f64 is to differ from is what is said of f32.
+        // Numbers in f64 are listed only where they differ from what holds for f32.
         let Some(in_wide) = wide.get(&(name.clone(), of.clone())) else { continue };
         let said = if differs { Some(count) } else { wide.get(&(name.clone(), String::new())) };
         if said != Some(in_wide) {
@@ -706,7 +703,7 @@ fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
     counts
 }
 
-/// The instructions of every macro, counted in the code.
+/// The numbers of instructions of all macros, counted in assembled code.
 fn counted() -> BTreeMap<Count, usize> {
     let mut counts = BTreeMap::new();
     let mut count = |name: &str, form: &str, of: &str, instructions: usize| {
@@ -762,7 +759,7 @@ fn every_documented_number_of_instructions_is_that_of_the_code() {
     assert!(unchecked.is_empty(), "these numbers have no code to compare them with: {unchecked:#?}");
 }
 
-/// That a macro refuses each of these calls.
+/// Asserts that the macro refuses each of these calls.
 fn are_refused(isa: &str, element: u32, best: bool, calls: &[&str]) {
     for call in calls {
         let Err(message) = assemble(isa, element, best, &[call.to_string()]) else {
@@ -791,7 +788,7 @@ fn a_macro_refuses_registers_that_must_not_be_the_same() {
     assemble("sse41", 4, true, &["VEC_DOT xmm1, xmm1, xmm2".into()]).unwrap();
 }
 
-/// What legacy SSE cannot do, or would need one more copy for, no unit may.
+/// What legacy SSE cannot do, or only with a further copy, is refused in all units.
 #[test]
 fn packet_macros_refuse_alike_in_every_unit() {
     let fine = ["VADD v0, v1, v0", "VMUL v0, v1, v0", "VSUB v0, v0, v0", "VSUB v0, v0, v1", "IOP pslld, x0, x0, 8"];

@@ -1,9 +1,9 @@
-//! The paper's kernels under a checked call and between guard pages, and kernels that break the
-//! rules.
+//! The paper's kernels in checked calls and between guard pages; and kernels that break the rules,
+//! to show that the checks notice.
 //!
-//! These show that we notice. The packet kernels are in packets.rs.
+//! The packet kernels are tested so in packets.rs.
 
-// What touches memory that is not its own does so in a process of its own.
+// What accesses foreign memory runs in a process of its own.
 #![allow(unsafe_code)]
 
 use std::fmt::Debug;
@@ -18,13 +18,13 @@ use rayo::internals::kernels::{
 use rayo::internals::scene::Rng;
 use rayo_lab::experiments::check;
 
-/// Whether a copy of this process comes back from a call of kernels.
+/// Whether the call returns, in a forked process.
 pub(crate) fn survives(call: impl FnOnce()) -> std::io::Result<bool> {
     // SAFETY: kernels only compute.
     unsafe { harness::survives(call) }
 }
 
-/// Lists of different lengths, none among them.
+/// Scenes with lists of different lengths, including 0.
 fn scenes() -> Vec<(Vec<Light>, Vec<PaperSphere>, Vec<PaperTriangle>)> {
     let lights = [Light { position: Vec4::new(-3.0, 4.0, 0.0), radiance: Vec4::new(0.5, 0.75, 1.0) }; 3];
     let spheres = [5.0, 3.0].map(|z| kernel_cases::sphere(Vec4::new(0.25, 0.0, z), 1.0));
@@ -36,14 +36,14 @@ fn scenes() -> Vec<(Vec<Light>, Vec<PaperSphere>, Vec<PaperTriangle>)> {
     lengths.map(scene).to_vec()
 }
 
-/// A view of 90 degrees and more.
+/// A frame whose view is at least 90 degrees wide.
 fn frame(width: u64, height: u32) -> Frame {
     let step = 2.0 / width as f32;
     Frame { step, half_width: 1.0, half_height: step * height as f32 / 2.0, focal: 1.0, width, ..Frame::ZERO }
 }
 
-/// Calls a tracer of scenes with all of its memory flush with guard pages: in a process that may
-/// die of it, checked, and once more.
+/// Calls a tracer of scenes with all of its memory adjacent to guard pages: in a forked process,
+/// then checked, then again.
 fn trace_fenced<P: Plain + Debug + PartialEq>(
     what: &str,
     canary: P,
@@ -65,7 +65,7 @@ fn trace_fenced<P: Plain + Debug + PartialEq>(
             let mut checked = vec![canary; width as usize * rows.len()];
             assert_eq!(faults(|| trace(&frame[0], objects, rows.clone(), &mut checked)), [], "{what}");
             fenced();
-            // What was not written is NaN, which equals nothing.
+            // Unwritten elements are NaN, which equals nothing, so that the assertion fails.
             assert_eq!(film[..], checked[..], "{what}");
         }
     }
@@ -91,7 +91,7 @@ fn broken_kernels_are_caught_with_the_rule_they_break() {
     let Some(paper) = rayo::internals::kernels::paper() else { return };
     for broken in BROKEN.iter().filter(|broken| broken.usable()) {
         assert_eq!(broken.faults(), [broken.breaks]);
-        // What it broke is put right: the next one is judged by what it does itself.
+        // The checked call repairs what a kernel breaks, so that it does not affect the next one.
         let mut sum = Vec4::default();
         let one = Vec4::new(1.0, 1.0, 1.0);
         assert_eq!(faults(|| paper.add.call_into(&mut sum, &one, &one)), [], "after {:?}", broken.breaks);
@@ -110,7 +110,7 @@ fn without_denormals_a_kernel_sees_none_and_rust_does() {
         assert_eq!((sum, own), (zero, least), "{implementation}");
         assert_eq!(kernels.add.call(&tiny, &zero), tiny, "{implementation} afterwards");
     }
-    // What a kernel gives back comes through.
+    // The results of a kernel are returned.
     let far = Candidate { most: 1.0, ..Candidate::default() };
     let near = Candidate { most: 2.0, ..Candidate::default() };
     for (isa, kernels) in packet_kernels() {

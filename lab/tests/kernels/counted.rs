@@ -1,4 +1,4 @@
-//! The counter of instructions does to memory what they do without it.
+//! Counted code does the same to memory as uncounted code.
 
 #![allow(unsafe_code)]
 
@@ -6,8 +6,8 @@ use std::arch::asm;
 
 use rayo::internals::kernels::step::count_instructions;
 
-/// Fills `$count` elements by `rep $stos` under the counter, and returns instructions and memory
-/// around them.
+/// Fills `$count` elements by `rep $stos` under the instruction counter; returns the number of
+/// instructions and the memory around the elements.
 macro_rules! filled {
     ($stos:literal, $bytes:literal, $direction:literal, $count:expr) => {{
         let mut memory = [0x55_u8; 64];

@@ -1,5 +1,5 @@
-//! Kernels that are wrong, that break a rule and that crash: all are found before they are counted
-//! or timed, and explained.
+//! Kernels with wrong results, broken rules or crashes: all are found and explained before they are
+//! counted or timed.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, Output};
@@ -14,7 +14,7 @@ use rayo_lab::experiments::check::{self, Failed, What, twins};
 use rayo_lab::measure::crash::describe;
 use rayo_lab::measure::instructions::decode;
 
-/// The broken kernel of that mistake.
+/// The broken kernel with this mistake.
 fn dot(mistake: &str) -> Op<Vec4, Vec4, f32> {
     let symbol = format!("rayo_broken_dot_{mistake}");
     *BROKEN_DOTS.iter().find(|broken| broken.symbol() == symbol).expect("there is a kernel with this mistake")
@@ -92,13 +92,13 @@ fn a_recording_keeps_the_instructions_before_a_crash() {
     let told: Vec<_> = recording.steps().map(|step| decode(step.code, 0).next().unwrap().text).collect();
     assert_eq!(told, ["endbr64", "movaps xmm0, [rsi]", "xor eax, eax"]);
     assert_eq!(recording.executed, 4, "the last is the one that crashed");
-    // What was recorded is right, and single-stepping still works.
+    // The recorded steps are right, and single-stepping still works afterwards.
     let last = recording.steps().next_back().unwrap();
     assert_eq!(&last.after.vectors[0][..4], &1.0_f32.to_le_bytes());
     assert!(check::macros(Form::Paper, "dot", paper().unwrap()).is_ok());
 }
 
-/// Runs a part of this file in a process of its own, which may die of it.
+/// Runs a test of this file in a process of its own, which may crash.
 fn run_alone(part: &str) -> Output {
     let program = std::env::current_exe().unwrap();
     let part = format!("crashes::{part}");
@@ -110,7 +110,7 @@ fn tell(crash: Crash) -> ! {
     std::process::exit(1)
 }
 
-/// Calls a broken kernel as engines call theirs, unchecked, by two threads at once.
+/// Calls a broken kernel unchecked, as engines do, on two threads at once.
 fn crash_unchecked(is_known: bool) {
     let op = dot("address");
     let code = op.address()..op.address() + 16;

@@ -1,5 +1,5 @@
-//! The units as other systems have them: for ELF, Win64 and Mach-O the same code and constants,
-//! under the names that each expects.
+//! The units assembled for other systems: ELF, Win64 and Mach-O have the same code and constants,
+//! under the names that each system expects.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,20 +9,21 @@ use iced_x86::{Decoder, DecoderOptions, Mnemonic, OpKind};
 use object::{BinaryFormat, File, Object, ObjectSection, ObjectSymbol};
 use rayo::internals::kernels::OBJECTS;
 
-/// NASM's formats.
+/// The formats, as NASM calls them.
 const FORMATS: [&str; 3] = ["elf64", "win64", "macho64"];
-/// What each format calls a section.
+/// The possible names of each section in the formats.
 const SECTIONS: [&[&str]; 3] =
     [&[".text", "__text"], &[".text.called", ".called", "__called"], &[".rodata", ".rdata", "__const"]];
 
-/// A section, whatever the format.
+/// The content of a section, independent of the format.
 #[derive(Debug, PartialEq)]
 struct Section {
-    /// With zeros where the linker writes, and where two registers are exchanged.
+    /// The bytes, with zeros where the linker writes, and with a normalised order of the registers
+    /// of xchg.
     bytes: Vec<u8>,
-    /// Where that is, and how many bits.
+    /// The places that the linker writes, and how many bits each has.
     linked: Vec<(u64, u8)>,
-    /// By their names in C, and where they are.
+    /// The exported symbols by their names in C, with their addresses.
     exported: Vec<(String, u64)>,
 }
 
@@ -38,8 +39,8 @@ fn sections(object: &[u8]) -> Vec<Option<Section>> {
             bytes[at as usize..][..usize::from(bits / 8)].fill(0);
         }
         if names.contains(&".text") {
-            // NASM 2.16.03 alone names the two registers of an xchg the other way round, which is
-            // the same.
+            // NASM 2.16.03 encodes the two registers of xchg in the other order, which has the same
+            // effect.
             let code: Vec<_> = Decoder::with_ip(64, &bytes, 0, DecoderOptions::NONE).into_iter().collect();
             for one in code.iter().filter(|one| one.mnemonic() == Mnemonic::Xchg) {
                 if one.op0_kind() == OpKind::Register && one.op1_kind() == OpKind::Register {
@@ -61,7 +62,7 @@ fn sections(object: &[u8]) -> Vec<Option<Section>> {
     SECTIONS.iter().map(section).collect()
 }
 
-/// Assembles the units that take no time.
+/// Assembles the units that are quick to assemble.
 fn assembled(folder: &Path) -> Vec<PathBuf> {
     let asm = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("asm");
     let mut objects = Vec::new();
@@ -70,7 +71,7 @@ fn assembled(folder: &Path) -> Vec<PathBuf> {
             let object = folder.join(format).join(format!("{unit}.o"));
             fs::create_dir_all(object.parent().unwrap()).unwrap();
             let mut nasm = Command::new(env::var("NASM").unwrap_or("nasm".into()));
-            // As build.rs has it in builds that are not optimised.
+            // As build.rs does in unoptimised builds.
             nasm.args(cfg!(debug_assertions).then_some("-O1"));
             nasm.args(["-Wall", "-Werror", "-f", format, "-i"])
                 .arg(format!("{}/", asm.display()))
@@ -85,8 +86,8 @@ fn assembled(folder: &Path) -> Vec<PathBuf> {
     objects
 }
 
-/// `scripts/toolchains.sh` names a folder in RAYO_OBJECTS, which has a folder for each NASM with
-/// one for each format.
+/// `scripts/toolchains.sh` sets RAYO_OBJECTS to a folder with a subfolder for each version of NASM,
+/// each with one for each format.
 #[test]
 fn every_format_and_every_nasm_has_the_code_of_this_build() {
     let folder = tempfile::tempdir().unwrap();
@@ -103,7 +104,7 @@ fn every_format_and_every_nasm_has_the_code_of_this_build() {
         let (_, own) = OBJECTS.iter().find(|(name, _)| *name == unit).expect("an object of this build");
         let (own, other) = (sections(own), sections(&fs::read(&object).unwrap()));
         for (own, other) in own.iter().zip(&other) {
-            // Without the thousands of bytes, which say nothing.
+            // Do not print the thousands of bytes.
             assert!(own == other, "{}: not the code, constants or names of this build", object.display());
         }
     }

@@ -1,5 +1,5 @@
-//! Algorithm 1 with a ray in each lane: against the reference and the rules of calls; its
-//! operations are in operations/.
+//! Algorithm 1 with a ray in each lane, compared with the reference and called under the rules of
+//! checked calls. Its operations are tested in operations/.
 
 use rayo::internals::kernels::harness::checked;
 use rayo::internals::kernels::{Isa, LaneTracer, Vec4, lane_tracer};
@@ -14,7 +14,8 @@ fn tracers() -> Vec<(Isa, &'static LaneTracer)> {
     Isa::ALL.into_iter().filter_map(|isa| Some((isa, lane_tracer(isa)?))).collect()
 }
 
-/// Scenes of as many spheres and triangles, in pictures whose rows end within a packet.
+/// Scenes with various numbers of spheres and triangles, in pictures whose rows end within a
+/// packet.
 fn scenes() -> impl Iterator<Item = Scene> {
     let counts = [(0, 0), (1, 0), (0, 1), (7, 0), (0, 9), (12, 15)];
     counts.into_iter().zip([1, 3, 16, 21, 33, 47]).map(|((spheres, triangles), width)| {
@@ -32,7 +33,7 @@ fn traced(tracer: &LaneTracer, scene: &Scene) -> Vec<Vec4> {
     let mut again = vec![Vec4::new(1.0, 2.0, 3.0); out.len()];
     checked(|| tracer.call(packed.frame(), &objects, rows.clone(), &mut again));
     assert_eq!(out, again);
-    // Row by row it is the same.
+    // Tracing row by row gives the same.
     for (row, pixels) in rows.zip(out.chunks(scene.camera.width() as usize)) {
         let mut one = vec![Vec4::default(); pixels.len()];
         tracer.call(packed.frame(), &objects, row..row + 1, &mut one);

@@ -1,4 +1,5 @@
-//! The kernels: each against its twin, under the rules of calls, and as its listing has it.
+//! Tests of the kernels: against their twins in Rust, under the rules of checked calls, and of
+//! their code.
 
 #![cfg(all(feature = "asm", target_arch = "x86_64"))]
 
@@ -26,8 +27,7 @@ mod proofs;
 mod safe_calls;
 mod step_model;
 
-/// The allocator of these tests, which puts arguments next to guard pages where a test asks for
-/// that.
+/// The allocator of these tests, which can place arguments next to guard pages.
 #[cfg(unix)]
 #[global_allocator]
 static ALLOCATOR: rayo::internals::kernels::fences::Fences = rayo::internals::kernels::fences::Fences;

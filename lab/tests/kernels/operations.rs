@@ -1,8 +1,8 @@
 //! Every operation and tracer against its scalar twin, to the last bit.
 //!
-//! All of them use + - x / and roots alone, correctly rounded, in an order that the twin follows,
-//! so that there is one right answer; only where packets take estimates there is none. The payload
-//! of a NaN is left open: any NaN equals any NaN.
+//! All of them use only + - x / and roots, correctly rounded and in an order that the twin follows,
+//! so that there is exactly one right result; except that packets may take estimates. The payload
+//! of a NaN is unspecified: any NaN equals any NaN.
 
 mod by_estimates;
 mod on_packets;
@@ -19,12 +19,12 @@ use rayo_lab::experiments::check::inputs::{Case, cases};
 use rayo_lab::experiments::check::twins::{self, twin_of_light, twin_of_sphere, twin_of_triangle};
 use rayo_lab::experiments::check::{self, same};
 
-/// What an implementation must equal.
+/// The twin that an implementation must equal.
 #[derive(Clone, Copy, Debug)]
 enum Twin {
     /// `reference::aos`.
     Macros(Form),
-    /// `paper_c`, which says why C equals it to the last bit though it calls `pow`.
+    /// `paper_c`, whose comment explains why it equals C to the last bit although C calls `pow`.
     C,
 }
 
@@ -38,7 +38,7 @@ impl Twin {
         }
     }
 
-    /// What the operation `name` makes of `input`, a scalar in the first lane.
+    /// The result of the operation `name` for `input`; a scalar is in the first lane.
     fn op(self, name: &str, input: &Input) -> Lanes {
         match self {
             Twin::Macros(form) => twins::of_macros(form, name, input),
@@ -46,7 +46,7 @@ impl Twin {
         }
     }
 
-    /// The pixels of `rows`.
+    /// The pixels of these rows.
     fn trace(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes> {
         let lights: Vec<_> = objects.lights.iter().map(twin_of_light).collect();
         let spheres: Vec<_> = objects.spheres.iter().map(twin_of_sphere).collect();
@@ -66,7 +66,7 @@ impl Twin {
     }
 }
 
-/// Cases of each source of numbers, with and without a w of its own.
+/// The number of cases for each source of numbers, with w = 0 and with any w.
 const CASES: u32 = 5_000;
 
 #[test]
@@ -86,7 +86,7 @@ fn every_operation_equals_its_twin_to_the_last_bit() {
                     }
                 }
             }
-            // Rays hit and miss, from outside and from inside.
+            // Some rays must hit and some must miss, from outside and from inside.
             let some = 4 * CASES / 10..4 * CASES * 9 / 10;
             assert!(!["sphere", "triangle"].contains(&name) || some.contains(&hits), "{implementation} {name}: {hits}");
             assert!(name != "sphere" || some.contains(&inside), "{implementation}: {inside} from inside");
@@ -98,8 +98,8 @@ const MISS: f32 = f32::INFINITY;
 
 type Point = [f32; 3];
 
-/// Each way through the sphere code: ray, centre, radius and the t that is exact in any order of
-/// operations.
+/// A case for each path through the sphere code: ray, centre, radius, and a t that is exact in any
+/// order of operations.
 const SPHERES: [(&str, Point, Point, f32, f32); 15] = [
     ("two roots, the near wall", [0.0, 0.0, 1.0], [0.0, 0.0, 10.0], 3.0, 7.0),
     ("a ray that is not of length 1", [0.0, 0.0, 2.0], [0.0, 0.0, 10.0], 3.0, 3.5),
@@ -123,7 +123,7 @@ fn a_sphere_is_hit_on_each_path_as_worked_out_by_hand() {
     for (implementation, kernels) in implementations() {
         for (path, ray, centre, radius, t) in SPHERES {
             let found = kernels.sphere.call(&vector(ray), &kernel_cases::sphere(vector(centre), radius));
-            // The one t that is not exact has a root of 16/3 in it.
+            // The only t that is not exact: a square root of 16/3 is in it.
             let close = path == "a slanting ray" && (found - t).abs() < 1e-6;
             assert!(found == t || close, "{implementation}, {path}: {found} instead of {t}");
         }
@@ -132,7 +132,7 @@ fn a_sphere_is_hit_on_each_path_as_worked_out_by_hand() {
 
 const CORNERS: [Point; 3] = [[0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [0.0, 4.0, 4.0]];
 
-/// Each way through the triangle code: ray, vertices, t.
+/// A case for each path through the triangle code: ray, vertices, t.
 const TRIANGLES: [(&str, Point, [Point; 3], f32); 17] = [
     ("inside", [1.0, 1.0, 4.0], CORNERS, 1.0),
     ("inside, a longer ray", [2.0, 2.0, 8.0], CORNERS, 0.5),
@@ -169,7 +169,7 @@ fn vector([x, y, z]: [f32; 3]) -> Vec4 {
     Vec4::new(x, y, z)
 }
 
-/// Lights, spheres and triangles of a scene.
+/// The lights, spheres and triangles of a scene.
 #[derive(Clone, Debug, Default)]
 struct Lot {
     lights: Vec<Light>,
@@ -182,7 +182,7 @@ impl Lot {
         Objects { lights: &self.lights, spheres: &self.spheres, triangles: &self.triangles }
     }
 
-    /// A small scene as people make them, some without lights or objects.
+    /// A small ordinary scene, in some cases without lights or objects.
     fn tidy(rng: &mut Rng) -> Lot {
         let count = |rng: &mut Rng| (rng.next_u64() % 6) as usize;
         let mut scene = many(count(rng), count(rng), rng.next_u64());
@@ -196,7 +196,7 @@ impl Lot {
         }
     }
 
-    /// Objects of any numbers at all.
+    /// Objects with arbitrary numbers.
     fn wild(rng: &mut Rng) -> Lot {
         let numbers = choose(rng, &Numbers::ALL);
         let mut lot = Lot::default();
@@ -225,7 +225,7 @@ fn frame(width: u32, height: u32, focal: f32, film: f32) -> Frame {
     }
 }
 
-/// The pixels that the kernel writes, on a film that nobody has written on.
+/// The pixels that the kernel writes; unwritten ones would be NaN.
 fn traced(trace: Trace, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes> {
     let mut film = vec![Vec4::from([f32::NAN; 4]); frame.width as usize * rows.len()];
     trace.call(frame, objects, rows, &mut film);
@@ -253,7 +253,7 @@ fn every_tracer_equals_its_twin_to_the_last_bit_at_any_size() {
                 let frame = frame(width, height, focal, film);
                 for lot in [Lot::default(), Lot::tidy(&mut rng), Lot::tidy(&mut rng), Lot::wild(&mut rng)] {
                     let found = check_trace(implementation, kernels.trace, &frame, &lot, 0..height);
-                    // Some columns and rows of the picture, over a background.
+                    // Part of the picture's columns and rows, over a background.
                     let first = rng.next_u64() % u64::from(width);
                     let row = rng.next_u64() as u32 % height;
                     let rows = row..row + 1 + rng.next_u64() as u32 % (height - row);

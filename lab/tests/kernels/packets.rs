@@ -1,11 +1,11 @@
-//! Every packet kernel against its twin in Rust, in a test of the kernel's name: the same numbers
-//! into both, the same bits out.
+//! Every packet kernel against its twin in Rust, in a test with the kernel's name: the same inputs
+//! must give the same bits.
 //!
-//! Every call is checked, and both are tried between guard pages.
+//! Every call is checked, and kernels and twins also run between guard pages.
 //!
-//! A twin has the same lanes and rounds alike. Only where kernels take estimates of roots there is
-//! no one right answer. What a kernel takes comes from the twins of the others, so that it alone
-//! can be wrong.
+//! A twin has the same lanes and rounds in the same way; only where kernels take estimates of roots
+//! there is no single right result. The inputs of a kernel are computed by the twins of the others,
+//! so that only the tested kernel can be wrong.
 
 use std::collections::BTreeSet;
 use std::fmt::Debug;
@@ -27,14 +27,14 @@ use crate::calling_convention::survives;
 use crate::extent::sampled;
 use crate::kernel_cases::{self, Numbers, choose, seed, twins};
 
-/// What kernels made, stage by stage, every number by all of its digits; NaN is NaN.
+/// The results of kernels or twins, stage by stage, with all digits; all NaNs are equal.
 type Made = Vec<(&'static str, String)>;
 
 fn add(made: &mut Made, what: &'static str, of: &dyn Debug) {
     made.push((what, format!("{of:?}")));
 }
 
-/// Holds what kernels and their twins made of something against each other.
+/// Asserts that kernels and their twins have the same results.
 fn compare(isa: &dyn Debug, what: &dyn Debug, made: Made, twins: Made) {
     assert_eq!(made.len(), twins.len());
     for ((stage, made), (_, twin)) in made.iter().zip(&twins) {
@@ -44,13 +44,13 @@ fn compare(isa: &dyn Debug, what: &dyn Debug, made: Made, twins: Made) {
     }
 }
 
-/// Cases that are tried between guard pages.
+/// The number of cases that run between guard pages.
 const FENCED: usize = 12;
 
-/// Puts a kernel from a table into another.
+/// Replaces a kernel of one table by that of another.
 type Exchange = fn(&mut PacketKernels, &PacketKernels);
 
-/// Holds a kernel against its twin in all of these cases.
+/// Compares a kernel with its twin in all of these cases.
 fn hold<C: Debug>(exchange: Exchange, cases: &[C], made: impl Fn(&'static PacketKernels, &C) -> Made) {
     for (isa, packets, twins) in twins() {
         let mut table = *twins;
@@ -70,7 +70,8 @@ fn hold<C: Debug>(exchange: Exchange, cases: &[C], made: impl Fn(&'static Packet
     }
 }
 
-/// A test for each kernel: its places in the table, the cases and what it makes of them.
+/// Defines a test for each kernel: its fields in the table, the cases, and the function that
+/// computes its results.
 macro_rules! kernels {
     ($($name:ident: $($($field:ident).+),+; $cases:expr, $made:expr;)*) => {
         $(
@@ -81,7 +82,7 @@ macro_rules! kernels {
             }
         )*
 
-        /// The symbols of a table that are tested.
+        /// The symbols of the kernels in a table that have a test.
         fn tested(of: &PacketKernels) -> BTreeSet<&'static str> {
             [$($(of.$($field).+.symbol()),+),*].into()
         }
@@ -131,25 +132,25 @@ fn every_packet_kernel_has_a_test() {
     assert_eq!(tested, all.collect());
 }
 
-/// Pixels in a film.
+/// A range of pixels in a film.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     /// Whether they are written past the cache.
     streaming: bool,
-    /// The place of the first.
+    /// The index of the first one.
     first: usize,
     count: usize,
 }
 
 impl Place {
-    /// Every place that a span can begin at, with every number up to more than two packets of the
-    /// widest have.
+    /// Every alignment that a span can begin at, with every length up to more than two of the
+    /// widest packets.
     fn all() -> Vec<Place> {
         let counts = (1..34).flat_map(|count| (0..17).map(move |first| (first, count)));
         counts.flat_map(|(first, count)| [false, true].map(|streaming| Place { streaming, first, count })).collect()
     }
 
-    /// The film after `write` has written them: nothing beside them may change.
+    /// The film after `write` has written the range; asserts that nothing else has changed.
     fn film<P: Plain + Debug>(self, canary: P, write: impl FnOnce(&mut [P])) -> Vec<P> {
         let mut film = vec![canary; self.first + self.count + if self.streaming { 0 } else { 20 }];
         write(&mut film[self.first..self.first + self.count]);
@@ -167,9 +168,9 @@ fn narrowed<Four: Plain, P: Plain + Debug>(
     vec![("pixels", format!("{:?}", place.film(canary, |three| kernel.call(&four, three))))]
 }
 
-/// Objects in the picture and across its borders, some of them nearly edge-on or of next to no
-/// size, in two tiles at once, and around the camera; some lights are far away, and some colours
-/// too bright for f32. Faces share corners.
+/// Objects in the picture and across its borders: some nearly edge-on, some tiny, some in two
+/// tiles, some around the camera. Some lights are far away, and some colours too bright for f32.
+/// Faces share corners.
 fn scattered(seed: u64, lights: usize) -> Scene {
     let mut rng = Rng::new(seed);
     let mut scene = Scene { camera: Camera::new(131, 67, 1.0, 1.0).unwrap(), ..many(0, 0, seed) };
@@ -180,25 +181,25 @@ fn scattered(seed: u64, lights: usize) -> Scene {
         let mut across = || rng.between(-0.7, 0.7) * z.abs().max(2.0);
         let centre = Vec3::new(across(), across(), z);
         let colour = Vec3::new(rng.next_f32(), rng.next_f32(), if i % 7 == 0 { 1e38 } else { 1.0 });
-        // Some lie on an axis.
+        // Some centres are on an axis.
         let centre = if i % 9 == 0 { Vec3::new(0.0, 0.0, z) } else { centre };
         scene.spheres.push(Sphere { radius: 1e-3 + 2.0 * rng.next_f32().powi(4), colour, centre });
-        // From larger than the picture to a fraction of a pixel.
+        // Sizes from larger than the picture to a fraction of a pixel.
         let size = 4f32.powi(1 - (i % 8) as i32);
         let mut corner =
             || centre + size * Vec3::new(rng.between(-1.0, 1.0), rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
         let mut vertices = [corner(), corner(), corner()];
-        // Some lie in a plane with the camera, but for rounding.
+        // Some are in a plane with the camera, up to rounding.
         if i % 25 == 20 {
             vertices[1] = 2.0 * vertices[0];
         }
         scene.triangles.push(Triangle { colour, vertices });
     }
-    // Some end, in one direction, a ten-thousandth of a pixel before the middle of the picture.
+    // Some end, on one side, a ten-thousandth of a pixel before the middle of the picture.
     let radius = 2.999_99;
     let beside = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y].map(|side| 3.0 * side + 10.0 * Vec3::Z);
     scene.spheres.extend(beside.map(|centre| Sphere { radius, colour: Vec3::ONE, centre }));
-    // A wall whose edges go through pixels' centres, seen twice: ties and doubts.
+    // Two equal triangles whose edges pass through pixel centres, to have ties and doubtful hits.
     let wall = [[-4.0, -4.0, 8.0], [4.0, -4.0, 8.0], [0.0, 4.0, 8.0]].map(Vec3::from);
     scene.triangles.extend([Triangle { colour: Vec3::ONE, vertices: wall }; 2]);
     let corners = (0..CHUNK as u32).map(|i| [i, i + 1, i + 2]).collect();
@@ -207,7 +208,7 @@ fn scattered(seed: u64, lights: usize) -> Scene {
     scene
 }
 
-/// How bounds are found in a picture of 640 x 480.
+/// The inputs of `bounds` for a picture of 640 x 480.
 const VIEW_OF_BOUNDS: BoundsView<f32> = BoundsView {
     to_pixels: 600.0,
     column: 319.5,
@@ -223,17 +224,17 @@ const VIEW_OF_BOUNDS: BoundsView<f32> = BoundsView {
     outside: -0.026,
 };
 
-/// A window of a tile, and what is in it.
+/// A window of a tile, and its objects.
 #[derive(Clone, Debug)]
 struct TileCase {
     seed: u64,
     lights: usize,
     place: TilePlace,
     window: TileWindow,
-    /// The objects of a chunk.
+    /// The number of objects in a chunk.
     count: usize,
     double: bool,
-    /// Whether light is in levels.
+    /// Whether light is in levels up to 255.
     levels: bool,
 }
 
@@ -242,7 +243,7 @@ fn tile_cases() -> Vec<TileCase> {
     for (seed, lights) in [(first, 1), (first + 1, 2), (first + 2, 4), (first + 3, 0)] {
         for (columns, rows, count) in [(64, 0..32, CHUNK), (37, 3..30, CHUNK - 1), (1, 5..6, 3)] {
             for (double, levels) in [(false, false), (true, false), (false, true), (true, true)] {
-                // The first tile, and one that objects reach into from the left and from above.
+                // The first tile, and a tile that objects reach into from the left and from above.
                 let place = if levels { TilePlace { across: 1, down: 1 } } else { TilePlace { across: 0, down: 0 } };
                 let (column, row) = place.first();
                 let window = TileWindow { column, row, columns, rows: rows.clone() };
@@ -261,20 +262,20 @@ fn tiles(table: &'static PacketKernels, case: &TileCase) -> Made {
     }
 }
 
-/// What kernels of tiles make of a scene's first chunks, in a window of a tile.
+/// The results of the tile kernels for a scene's first chunks, in a window of a tile.
 fn tiles_of<E: Element + Debug>(
     (packets, kernels): (&'static PacketKernels, &ElementKernels<E>),
     &TileCase { seed, lights, place, ref window, count, .. }: &TileCase,
     weighted_of: for<'a> fn(&'a Tiles<'_, E>) -> &'a Weighted,
 ) -> Made {
     let mut made = Made::new();
-    // A copy has no room to spare.
+    // A clone has no spare capacity, so that reads beyond the end are caught.
     let scene = &scattered(seed, lights).clone();
     let plan = Box::new(Tiles::<E>::new(scene, packets, PlanOptions::default()));
     let (weighted, grid) = (weighted_of(&plan), plan.grid());
     let (view, rays, lanes) = (plan.view(place), plan.rays(place), kernels.lanes);
     let (kernels, mut buffers, mut records) = (&kernels.tiles, TileBuffers::<E>::default(), SphereRecords::default());
-    // Beside the window a block may have something or nothing.
+    // Pixels of a block outside of the window are unspecified: compare those within.
     let pixels = |buffers: &TileBuffers<E>| {
         let row = |row| (0..window.columns).map(move |column| (column as usize, row as usize));
         let pixels = window.rows.clone().flat_map(row);
@@ -292,7 +293,7 @@ fn tiles_of<E: Element + Debug>(
     let order = [&[0], &order[..]].concat();
     let spheres = SphereChunk { spheres: &scene.spheres, candidates: &candidates };
     kernels.sphere_set_up.call(&weighted.spheres, spheres, 1, &mut buffers);
-    // Beyond the last is anything.
+    // Elements after the last object are unspecified.
     if count == CHUNK {
         add(&mut made, "planes of spheres", buffers.sphere_planes());
     }
@@ -303,13 +304,13 @@ fn tiles_of<E: Element + Debug>(
     records.spheres.truncate(count);
     add(&mut made, "records of spheres", &records.spheres);
     add(&mut made, "short forms", &&records.shorts[..count * lights]);
-    // The long form of a packet may be left out where all of it has the short one.
+    // The long form may be missing for a packet whose spheres all have the short one.
     let is_long = |i: &usize| records.spheres[i / lights].short == E::ZERO;
     let longs: Vec<_> = (0..count * lights).filter(is_long).map(|i| records.lits[i]).collect();
     add(&mut made, "long forms", &longs);
 
     let mut shades = vec![TileShade::<E>::default(); (1 + 3 * CHUNK) * lights];
-    // Not those of the plan, which lacks what is never seen.
+    // Take the scene's triangles, not the plan's, which lack those that are never seen.
     let lists = [TriangleList::Apart(&scene.triangles), TriangleList::Joined((&scene.faces).into())];
     for (kind, triangles) in lists.iter().enumerate() {
         let most = triangles.len().min(2 * CHUNK);
@@ -318,14 +319,14 @@ fn tiles_of<E: Element + Debug>(
             let found = packets.bounds.call(&VIEW_OF_BOUNDS, *triangles, 5, keep_all, &mut candidates);
             add(&mut made, "bounds of triangles", &(found, &candidates[..found.unwrap().count]));
         }
-        // Everywhere: what has no area there is found out.
+        // Bounds of the whole tile: set-up has to find out which triangles have no area.
         let anywhere = |id| Candidate { id, columns: 64 << 16, rows: 32 << 16, most: 0.75 + id as f32 };
         let candidates: Vec<_> = (0..most as u32).map(anywhere).rev().take(count).collect();
         let first_id = 1 + (1 + kind) * CHUNK;
         let lights = &weighted.lights;
         let chunk = TriangleChunk { triangles: *triangles, lights, candidates: &candidates, first_id };
         kernels.set_up.call(&view, chunk, &mut buffers, &mut shades);
-        // What is past the last is nobody's.
+        // Elements after the last object are unspecified.
         add(&mut made, "shades", &&shades[first_id * lights.len()..][..candidates.len() * lights.len()]);
         if count == CHUNK {
             add(&mut made, "planes of triangles", buffers.planes());
@@ -334,7 +335,7 @@ fn tiles_of<E: Element + Debug>(
         add(&mut made, "the nearest of triangles", &pixels(&buffers));
     }
     made.extend(shaded(kernels, (&plan, &rays), &buffers, &shades, &records, window));
-    // Some are shaded as spheres around the camera are.
+    // Some spheres are shaded by the form for spheres around the camera.
     for record in records.spheres.iter_mut().step_by(3) {
         let [x, y, z, over_radius, around] = [0.25, -0.125, 3.0, 0.75, 1.0].map(E::from_f64);
         (record.ux, record.uy, record.uz, record.mx, record.around) = (x, y, z, over_radius, around);
@@ -372,8 +373,7 @@ fn shadows(table: &'static PacketKernels, case: &TileCase) -> Made {
     if case.double { shadows_of((table, &table.double), case) } else { shadows_of((table, &table.single), case) }
 }
 
-/// The points of a tile under lights far and near, in and on objects, and which of them objects
-/// hide.
+/// The points of a tile under lights far and near, in and on objects, and which points are hidden.
 fn shadows_of<E: Element>(
     (packets, kernels): (&'static PacketKernels, &ElementKernels<E>),
     &TileCase { seed, lights, ref window, .. }: &TileCase,
@@ -397,7 +397,7 @@ fn shadows_of<E: Element>(
     let places: Vec<_> = (0..=CHUNK).map(|id| if id == 0 { 0 } else { (scene.spheres.len() + id) as u32 }).collect();
     kernels.tiles.set_up.call(&plan.view(TilePlace { across: 0, down: 0 }), triangles, &mut buffers, &mut Vec::new());
     kernels.tiles.nearest_triangles.call(&mut buffers, &places, window, &plan.grid(), 8);
-    // A third of them are spheres, whose points may be nowhere.
+    // A third of the objects are spheres; points may also belong to no object.
     let mut rng = Rng::new(seed);
     let nobody = PointObject { w: f64::NAN, own: -1.0, ..PointObject::default() };
     let objects: Vec<_> = places
@@ -433,7 +433,7 @@ fn shadows_of<E: Element>(
                 while !objects.is_empty() {
                     objects = side.cast((kind, objects), &packets.cast, &mut casters);
                     groups.open.fill_with(|| rng.next_u64() as u32 & choose(&mut rng, &[0xffff, 0xf0f0, 0]));
-                    // Some groups, whether points ask or not.
+                    // A random range of groups, whether they have open points or not.
                     let asking = [rng.next_u64(), rng.next_u64()].map(|n| n as usize % (GROUPS + 1));
                     let asking = asking[0].min(asking[1])..asking[0].max(asking[1]);
                     packets.meet.call(None, &groups, asking, &mut casters.list);
@@ -455,7 +455,7 @@ fn shadows_of<E: Element>(
     made
 }
 
-/// The pixels of a tile of those objects.
+/// The pixels of a tile with these objects.
 fn shaded<E: Element>(
     kernels: &rayo::internals::kernels::TileKernels<E>,
     (plan, rays): (&Tiles<'_, E>, &rayo::internals::kernels::TileRays<E>),
@@ -473,7 +473,7 @@ fn shaded<E: Element>(
         lits: &records.lits,
         shorts: &records.shorts,
     };
-    // The last pixel is the film's last.
+    // The last pixel of the window is the last of the film.
     let pixels = 3 + (window.rows.len() - 1) * 70 + window.columns as usize;
     let mut floats = vec![Vec4::from([7.0; 4]); pixels];
     kernels.f32x4.call(rays, buffers, shading, window, TileOut { pixels: &mut floats, first: 3, width: 70 });
@@ -482,7 +482,7 @@ fn shaded<E: Element>(
     kernels.f32x4_fast.call(rays, buffers, shading, window, TileOut { pixels: &mut fast, first: 3, width: 70 });
     let mut bytes = vec![[7; 4]; pixels];
     kernels.rgba8.call(rays, buffers, shading, window, TileOut { pixels: &mut bytes, first: 3, width: 70 });
-    // In f32 they have estimates.
+    // In f32 they come from estimates.
     if size_of::<E>() == 8 {
         add(&mut made, "fast floats of a tile", &fast);
         add(&mut made, "bytes of a tile", &bytes);
@@ -490,7 +490,7 @@ fn shaded<E: Element>(
     made
 }
 
-/// The candidates of tiles.
+/// Lists of candidates of tiles.
 fn list_cases() -> Vec<Vec<Candidate>> {
     let mut rng = Rng::new(seed());
     let mut any = || choose(&mut rng, &[0.0, 0.5, 1.0, 1.5, 1.75, f32::MAX]);
@@ -498,14 +498,14 @@ fn list_cases() -> Vec<Vec<Candidate>> {
     (1..70).chain([200]).map(&mut case).collect()
 }
 
-/// Lists of candidates, cut in two.
+/// A list of candidates, partitioned.
 fn lists(kernels: &'static PacketKernels, candidates: &[Candidate]) -> Made {
     let (mut nearer, mut farther) = (candidates.to_vec(), candidates.to_vec());
     let near = kernels.nearer_half.call(candidates, &mut nearer, &mut farther);
     vec![("two halves", format!("{:?}", (&nearer[..near], &farther[..candidates.len() - near])))]
 }
 
-/// Rows of a sphere under one light, by random numbers.
+/// Rows of a sphere under one light, with random numbers.
 #[derive(Debug)]
 struct LitCase {
     seed: u64,
@@ -525,12 +525,12 @@ fn lit_cases() -> Vec<LitCase> {
     sampled((0..7000).map(case), 10).collect()
 }
 
-/// What one kernel makes of rows of any numbers in f32, and another in f64, both for any colours
-/// and for equal ones.
+/// The results of two kernels for rows with random numbers: one in f32 and one in f64, both for any
+/// colours and for grey.
 macro_rules! lit {
     ($table:expr, $case:expr, $field:ident, $canary:expr) => {{
         let mut made = Made::new();
-        // In f32, and with AVX-512 in f64 too, bytes come from estimates, and fast floats in f32.
+        // Bytes come from estimates in f32, and with AVX-512 also in f64; fast floats in f32.
         let [fast, bytes] = ["_fast", "8"].map(|end| stringify!($field).ends_with(end));
         let (single, double) = (fast || bytes, bytes && $table.single.lanes == 16);
         let ElementKernels { lit, grey, .. } = &$table.single;
@@ -544,8 +544,8 @@ macro_rules! lit {
 }
 use lit;
 
-/// Between the ends of a span p is above 0, so that kernels in assembly do not look there: where it
-/// is not, anything may come of it, and where a byte would be beyond 255.
+/// Kernels in assembly assume that p > 0 between the ends of a span: exclude pixels where that
+/// fails, and those whose level would exceed 255, since their results are unspecified.
 fn lit_of<E: Element, P: Plain + Debug>(
     made: &mut Made,
     &LitCase { seed, numbers, width, place }: &LitCase,
@@ -576,9 +576,9 @@ fn lit_of<E: Element, P: Plain + Debug>(
     add(made, "pixels", &film.iter().enumerate().map(shown).collect::<Vec<_>>());
 }
 
-/// Spheres seen in pictures of this size.
+/// Spheres and the sizes of pictures that show them.
 fn row_cases() -> Vec<(u32, u32, Sphere)> {
-    // The middle row touches it.
+    // A sphere that the middle row touches.
     let touched = Sphere { radius: 3.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 3.0, 10.0) };
     let sizes = [(201, 151), (1, 67), (333, 5)];
     sizes
@@ -589,7 +589,7 @@ fn row_cases() -> Vec<(u32, u32, Sphere)> {
         .collect()
 }
 
-/// The rows of a sphere, some at a time.
+/// The rows of a sphere, computed some at a time.
 fn found_rows(table: &'static PacketKernels, &(width, height, sphere): &(u32, u32, Sphere)) -> Made {
     fn found<E: Element + Debug>(made: &mut Made, kernels: &ElementKernels<E>, scene: &Scene) {
         let Some(form) = LitForm::of::<E>(scene, Keep::NOTHING).map(Box::new) else { return };
@@ -610,7 +610,7 @@ fn found_rows(table: &'static PacketKernels, &(width, height, sphere): &(u32, u3
     made
 }
 
-/// Rust aligns four bytes to one.
+/// In Rust four bytes have the alignment 1.
 #[test]
 fn pictures_of_four_bytes_may_begin_at_any_address() {
     for scene in [Scene { lights: many(1, 0, 1).lights[..1].to_vec(), ..many(1, 0, 1) }, many(3, 3, 1)] {

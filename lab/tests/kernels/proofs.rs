@@ -1,4 +1,5 @@
-//! Operations in assembly are proved equal to their twins, and the prover is tried on other code.
+//! Proofs that operations in assembly equal their twins; and the prover applied to wrong code, to
+//! test it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -11,7 +12,7 @@ use rayo::internals::kernels::{self, Isa, OpRef};
 use rayo::internals::reference::aos::Form;
 use rayo_lab::experiments::prove::goals::{Goal, goals};
 use rayo_lab::experiments::prove::graph::Lemma;
-use rayo_lab::experiments::prove::mutants::{self, Fate};
+use rayo_lab::experiments::prove::mutants::{self, MutantOutcome};
 use rayo_lab::experiments::prove::rounding::Bound;
 use rayo_lab::experiments::prove::{self, Counterexample, Proof, Subject, Verdict, operations};
 
@@ -19,13 +20,13 @@ fn describe(subject: &Subject) -> String {
     format!("{} {} {} {}", subject.name, subject.form, subject.isa.name(), subject.precision.name())
 }
 
-/// An operation of the paper's, in the form that the paper counts.
+/// An operation of the paper, in the form whose instructions the paper counts.
 fn of_paper(name: &str) -> OpRef {
     let mut ops = kernels::paper().expect("every CPU of x86-64 that is tested has SSE4.1").ops();
     ops.find(|(known, _)| *known == name).expect("an operation").1
 }
 
-/// Code paired with the twin of other code, and in what the two differ.
+/// Code paired with the twin of other code, and a description of the difference.
 fn wrong_pairs() -> Vec<(&'static str, Subject)> {
     let mut wrong = vec![
         ("a sum and a difference", operations::of_macros(Form::Paper, "sub", of_paper("add"))),
@@ -44,8 +45,8 @@ fn wrong_pairs() -> Vec<(&'static str, Subject)> {
     wrong
 }
 
-/// Whether a prover can be relied on: it proves what is equal, and finds inputs that show what is
-/// not.
+/// Whether a prover is reliable: it proves equal code, and finds inputs that show a difference for
+/// other code.
 fn examine(prove: &dyn Fn(&Subject) -> Proof) -> Result<(), String> {
     let verdicts = prove::subjects().into_iter().map(|subject| (describe(&subject), prove(&subject).verdict));
     let failed: Vec<_> = verdicts.filter(|(_, verdict)| *verdict != Verdict::Proved).collect();
@@ -54,7 +55,8 @@ fn examine(prove: &dyn Fn(&Subject) -> Proof) -> Result<(), String> {
     }
     for (difference, subject) in wrong_pairs() {
         match prove(&subject).verdict {
-            // The CPU finds code on packets by the twin's name, here that of another operation.
+            // For packets `seen` may be false: the CPU runs the code with the twin's name, which is
+            // another operation here.
             Verdict::Differs(Some(Counterexample { seen, .. })) if seen || subject.form == "packets" => {}
             verdict => return Err(format!("{difference}: {verdict:?}")),
         }
@@ -62,7 +64,7 @@ fn examine(prove: &dyn Fn(&Subject) -> Proof) -> Result<(), String> {
     Ok(())
 }
 
-/// The uses of lemmas in a proof that needs none.
+/// The uses of lemmas in a proof that needs no lemma.
 const NO_LEMMA: [usize; Lemma::ALL.len()] = [0; Lemma::ALL.len()];
 
 #[test]
@@ -98,11 +100,11 @@ fn expressions_give_what_the_cpu_does() {
         prove::hold_against_cpu(&subject, 35, 1).unwrap();
         called += usize::from(subject.call.is_some());
     }
-    // All of SSE4.1, at least.
+    // At least the functions of SSE4.1.
     assert!(called > 60, "only {called} functions were called");
 }
 
-/// The macros above which an `equals` line stands.
+/// The macros with an `equals` line in their comments.
 fn macros_with_a_twin() -> BTreeSet<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../asm");
     let folders = ["include", "ops", "tracers"].map(|folder| fs::read_dir(root.join(folder)).unwrap());
@@ -147,10 +149,10 @@ fn no_mutant_that_differs_on_an_input_is_proved() {
             at += 1;
             let Some(mutant) = Some(bit).filter(|_| at % step == 0).and_then(mutants::mutant) else { continue };
             let fate = match mutants::fate(&subject, &mutant) {
-                Fate::Refuted => "refuted by an input".to_owned(),
-                Fate::Differs => "refuted by its expressions".to_owned(),
-                Fate::Unreadable(_) => "not followed by the model".to_owned(),
-                Fate::Equivalent(kind) => {
+                MutantOutcome::Refuted => "refuted by an input".to_owned(),
+                MutantOutcome::Differs => "refuted by its expressions".to_owned(),
+                MutantOutcome::Unreadable(_) => "not followed by the model".to_owned(),
+                MutantOutcome::Equivalent(kind) => {
                     println!("{}: {}: {}", subject.symbol, mutant.change, kind.name());
                     format!("equivalent: {}", kind.name())
                 }
@@ -174,19 +176,19 @@ fn bounds_of_rounding_errors_are_proved_by_counting() {
     }
 }
 
-/// Whether a prover proves a goal of which it is given the text; None if it is not installed.
+/// Whether a prover proves a goal given as text; None if the prover is not installed.
 fn is_proved_by(prover: &str, text: &str) -> Option<bool> {
     let mut command = Command::new(prover);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
     let mut child = command.spawn().ok()?;
     child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
     let output = child.wait_with_output().unwrap();
-    // Sollya has no goals: it says whether a comparison holds.
+    // Sollya prints whether a comparison holds.
     let is_true = prover != "sollya" || String::from_utf8_lossy(&output.stdout).contains("true");
     Some(output.status.success() && is_true)
 }
 
-/// Whether every case of a goal is proved with a bound of `needed`.
+/// Whether every case of a goal can be proved for the bound `needed`.
 fn is_goal_proved(goal: &Goal, needed: f64) -> Option<bool> {
     let prover = goal.bound.by;
     goal.texts(needed).iter().try_fold(true, |all, text| Some(all && is_proved_by(prover, text)?))

@@ -1,5 +1,5 @@
-//! Safe calls of kernels with lengths, numbers and places that no memory has: each ends in a panic,
-//! before any memory is touched.
+//! Safe calls of kernels with lengths, numbers or positions beyond any memory: each must panic
+//! before any memory is accessed.
 
 #![forbid(unsafe_code)]
 
@@ -15,10 +15,10 @@ use rayo::internals::scene;
 use crate::calling_convention::survives;
 use crate::kernel_cases::packet_kernels;
 
-/// Calls by what is wrong with them.
+/// Calls, with descriptions of what is wrong with them.
 type Calls<'a> = &'a [(&'a str, &'a dyn Fn())];
 
-/// Those that do not end in a panic, each tried in a process of its own.
+/// The calls that do not panic; each runs in a forked process.
 fn accepted(calls: Calls<'_>) -> Vec<String> {
     let refused = |call: &dyn Fn()| {
         survives(|| {
@@ -51,7 +51,7 @@ fn tiles<E: Element>(kernels: &ElementKernels<E>, plan: &Tiles<'_, E>) -> Vec<St
     let tile = TilePlace { across: 0, down: 0 };
     let (view, rays) = (plan.view(tile), plan.rays(tile));
     let lights = &plan.levels().lights;
-    // Sets objects up from a number on, asks who is nearest where, and shades that.
+    // Sets up objects from this number on, finds the nearest, and shades.
     let triangles = |first_id: usize| {
         let (mut buffers, mut shades) = (TileBuffers::default(), Vec::new());
         let triangles =
@@ -83,7 +83,7 @@ fn tiles<E: Element>(kernels: &ElementKernels<E>, plan: &Tiles<'_, E>) -> Vec<St
             TriangleChunk { triangles: plan.triangle_lists()[0], lights, candidates: &candidates, first_id: 1 };
         kernels.set_up.call(&view, triangles, &mut TileBuffers::default(), &mut Vec::new());
     };
-    // As many as make of twice, or eight times, as many none.
+    // Counts that become 0 modulo 2^64 when multiplied by 2 or by 8.
     let [half, eighth] = [1 << 63, 1 << 61];
     let calls: Calls<'_> = &[
         ("numbers of triangles that f32 has not", &|| _ = triangles(1 << 24)),

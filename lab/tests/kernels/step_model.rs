@@ -1,5 +1,5 @@
-//! The model of instructions against the CPU: every instruction of every kernel is known, and gives
-//! every bit that it makes of vectors.
+//! The model of instructions compared with the CPU: it must know every instruction of every kernel,
+//! and predict every bit of vector registers.
 
 #[allow(dead_code)] // its kernels of rows are not called alone here
 use std::collections::BTreeMap;
@@ -25,16 +25,16 @@ use rayo_lab::experiments::step::shadow::{Shadow, StepError};
 use rayo_lab::measure::instructions;
 use rayo_lab::measure::source::Unit;
 
-/// Instructions of one recording.
+/// The most instructions of a recording.
 const MOST: usize = 20_000;
 /// The numbers of the steps to record.
 const ALL: &[Range<u64>] = std::slice::from_ref(&(0..u64::MAX));
-/// A picture of packets, wide enough for the instructions that store whole registers; and of single
-/// rays. Steps are slow.
+/// The size of a picture traced in packets, wide enough for stores of whole registers, and of one
+/// traced ray by ray. Both are small, because stepping is slow.
 const SIZE: (u32, u32) = (49, 3);
 const SIZE_OF_RAYS: (u32, u32) = (7, 3);
 
-/// Where infinities, NaN, zeros and denormals are.
+/// Sources of numbers with infinities, NaN, zeros and denormals.
 const ODD: [Numbers; 3] = [Numbers::Special, Numbers::Bits, Numbers::Mixed];
 
 #[test]
@@ -52,7 +52,7 @@ fn every_instruction_of_every_kernel_is_known() {
     for isa in Isa::ALL {
         let (_, data) = OBJECTS.iter().find(|(name, _)| *name == isa.name()).unwrap();
         let file = object::File::parse(*data).unwrap();
-        // Chains are there to be timed.
+        // Chains only exist to be timed.
         let is_kernel = |name: &str| name.starts_with("rayo_") && !name.contains("chain");
         for symbol in file.symbols().filter(|symbol| symbol.name().is_ok_and(is_kernel) && symbol.size() > 0) {
             let Some(section) = symbol.section_index() else { continue };
@@ -73,22 +73,22 @@ fn every_instruction_of_every_kernel_is_known() {
     assert!(known > 60_000, "only {known} instructions were found");
 }
 
-/// The code of the engines.
+/// The address ranges of the engines' code.
 fn watched() -> Vec<Range<usize>> {
     Isa::ALL.into_iter().filter_map(Unit::of).map(|unit| unit.code.clone()).collect()
 }
 
-/// What recordings were held against.
+/// The result of comparing recordings with the model.
 #[derive(Debug, Default)]
 struct Proof {
     steps: u64,
     bits: u64,
-    /// Of each mnemonic that was not right, the last.
+    /// The last wrong prediction for each mnemonic.
     wrong: BTreeMap<String, String>,
 }
 
 impl Proof {
-    /// Records `action`, and holds the model against each step, which it rounds once if at all.
+    /// Records `action` and compares the model with each step; the model may round only once.
     fn of(&mut self, name: &str, action: impl FnOnce()) {
         let recording = step::record(&watched(), ALL, MOST, action).unwrap_or_else(|error| panic!("{name}: {error}"));
         let mut shadow = Shadow::new();
@@ -117,7 +117,8 @@ impl Proof {
     }
 }
 
-/// Small scenes, the worst that were found, and those of many objects, which are traced in tiles.
+/// Small scenes, the worst scenes found so far, and scenes with many objects, which are traced in
+/// tiles.
 fn scenes() -> Vec<(String, Scene)> {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
     let small = ["sphere", "triangle", "tetrahedron", "two-lights"].map(|name| root.join(format!("scenes/{name}.in")));
@@ -146,8 +147,8 @@ fn the_model_gives_every_bit_of_every_step_of_every_engine() {
         for (number, engine) in stepped.filter(|engine| engine.usable()).enumerate() {
             let (width, height) = if engine.is_packet() { SIZE } else { SIZE_OF_RAYS };
             scene.camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film()).unwrap();
-            // Formats by turns, and where there are many objects precisions and instruction sets
-            // too: a step takes its time.
+            // Formats alternate, and with many objects also precisions and instruction sets, since
+            // stepping is slow.
             let precisions = engine.precisions();
             if in_tiles && engine.is_packet() && number % 3 != index % 3 {
                 continue;
@@ -161,7 +162,7 @@ fn the_model_gives_every_bit_of_every_step_of_every_engine() {
                 let mut film = Film::new(format, (width * height) as usize).unwrap();
                 proof.of(&format!("{name}, {}", format.name()), || tracer.rows(0..height, film.as_mut()));
                 if in_tiles && engine.is_packet() {
-                    // Kernels prepare them too.
+                    // Preparing a scene uses kernels, too.
                     proof.of(&name, || _ = engine.prepare(Some(precision), &scene));
                 }
             }
@@ -173,7 +174,7 @@ fn the_model_gives_every_bit_of_every_step_of_every_engine() {
 #[test]
 #[cfg_attr(not(target_os = "linux"), ignore = "instructions are recorded on Linux alone")]
 fn the_model_gives_every_bit_of_what_is_stored_past_the_caches() {
-    // Too much for any cache, of which a row is traced.
+    // A picture too large for any cache; only a row of it is traced.
     const WIDTH: u32 = 400;
     const HEIGHT: u32 = 65_535;
     let mut proof = Proof::default();
@@ -195,7 +196,7 @@ fn the_model_gives_every_bit_of_what_is_stored_past_the_caches() {
     proof.holds();
 }
 
-/// Of each operation on packets, some packets of numbers from each source.
+/// Runs each operation on packets with numbers from each source.
 fn prove_packets<E: PacketElement>(rng: &mut Rng, proof: &mut Proof) {
     for isa in Isa::ALL {
         for op in packet_ops::<E>(isa).into_iter().flatten() {
@@ -228,7 +229,7 @@ fn the_model_gives_every_bit_of_every_operation_on_odd_numbers() {
     proof.holds();
 }
 
-/// What an operation makes of a vector and its other operand, without rounding.
+/// The exact result of an operation on a vector and its other operand.
 fn exactly(op: &str, a: [f64; 3], b: &[f64]) -> Vec<Exact> {
     let vector = Vector::new(a);
     let other = || Vector::new([b[0], b[1], b[2]]);
@@ -248,7 +249,7 @@ fn shadows_are_exact<E: PacketElement>(format: Number, rng: &mut Rng) {
     for isa in Isa::ALL {
         let simple = |name| ["add", "sub", "scale", "dot", "norm", "cross", "normalise"].contains(&name);
         for op in packet_ops::<E>(isa).into_iter().flatten().filter(|op| simple(op.name)) {
-            // Of more digits than f32 has.
+            // Numbers with more digits than f32 holds.
             let mut next = || f64::from(Numbers::Ordinary.next(rng)) + f64::from(rng.next_f32()) * 1e-7;
             let mut many = |count: usize| (0..count).map(|_| E::from_f64(next())).collect::<Vec<E>>();
             let (a, b) = (many(3 * op.lanes), many(op.lanes * op.shape.b_numbers));

@@ -1,5 +1,5 @@
-//! The truth in 1024 bits, what engines are worth against it, and `rayo accuracy`, which shows
-//! that.
+//! The exact results in 1024 bits, the errors of engines against them, and the page of `rayo
+//! accuracy`.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use rayo_lab::experiments::accuracy::{contenders, judge};
 use rayo_lab::experiments::in_size;
 use rayo_lab::truth::{TrueHit, Truth};
 
-/// Doubtful for f64: 64 times the rounding of a number.
+/// A margin that is doubtful for f64: 64 times the rounding error of a number.
 const DOUBT_OF_F64: f64 = 64.0 * f64::EPSILON;
 
 fn shipped(name: &str) -> Scene {
@@ -42,8 +42,8 @@ fn the_truth_of_an_ordinary_scene_is_what_the_reference_says() {
             let (Some(TrueHit { t, colour: Some(colour), .. }), Some(found)) = (pixel.hit, found) else {
                 continue;
             };
-            // These spheres are small: the difference of long vectors in f64 costs a few digits,
-            // and the limb some more.
+            // These spheres are small compared with their distance: the difference of long vectors
+            // in f64 costs a few digits, and rays near the limb some more.
             assert!(relative(found.t, t) < 1e-10, "{place}");
             let off = (reference.colour(row, col) - colour).abs().max_element();
             assert!(off < 1e-9, "off by {off:e} {place}");
@@ -59,7 +59,7 @@ fn one_light(spheres: Vec<Sphere>, triangles: Vec<Triangle>, at: Vec3) -> Scene 
     Scene { lights, spheres, triangles, ..Scene::new(camera) }
 }
 
-/// The middle of the picture looks along +z.
+/// The pixel whose ray is along +z.
 const MIDDLE: (u32, u32) = (4, 4);
 
 #[test]
@@ -75,7 +75,7 @@ fn margin_is_the_gap_to_the_second_hit_but_for_ties() {
 
 #[test]
 fn a_near_miss_in_front_is_a_doubt_and_one_behind_is_none() {
-    // Its edge passes a little beside the middle.
+    // A triangle whose edge passes slightly beside the middle.
     let beside = |z: f32| {
         let vertices = [Vec3::new(1e-6, -z, z), Vec3::new(1e-6, z, z), Vec3::new(z, 0.0, z)];
         Triangle { colour: Vec3::ONE, vertices }
@@ -106,8 +106,8 @@ fn a_light_on_the_surface_makes_any_colour_right() {
     }
 }
 
-/// The product of a light's intensity and colour was rounded to f32 once: pixel 694 of this row
-/// came out a level too bright.
+/// A regression test: the product of a light's intensity and colour was once rounded to f32, and
+/// pixel 694 of this row became a level too bright.
 #[test]
 fn in_f64_a_level_is_the_true_one_however_near_the_next_it_is() {
     let scene = shipped("two-lights");
@@ -126,7 +126,7 @@ fn in_f64_a_level_is_the_true_one_however_near_the_next_it_is() {
     }
 }
 
-/// The rows of the last table of errors of docs/results/accuracy.md: a scene, and a cell for each
+/// The rows of the last table of errors in docs/results/accuracy.md: for each scene the cells by
 /// column.
 fn documented() -> BTreeMap<String, BTreeMap<String, String>> {
     let text = include_str!("../../../docs/results/accuracy.md")
@@ -139,8 +139,8 @@ fn documented() -> BTreeMap<String, BTreeMap<String, String>> {
     rows.map(|row| (row[1].clone(), head.iter().cloned().zip(row).skip(2).collect())).collect()
 }
 
-/// Wrong hits and objects, the largest error in ulp (none for a dash), and pixels off by two
-/// levels.
+/// The numbers in a cell: wrong hits and objects, the largest error in ulp (None for a dash), and
+/// pixels that are off by two levels.
 fn figures(cell: &str) -> (f64, Option<f64>, f64) {
     let parts: Vec<_> = cell.split(" / ").collect();
     let number = |text: &str| text.replace('∞', "inf").parse().unwrap_or_else(|_| panic!("{cell}"));
@@ -163,7 +163,7 @@ fn the_errors_of_the_document_are_current() {
     let stale = |what: &str| format!("docs/results/accuracy.md is stale, run `make accuracy`: {what}");
     let contenders = contenders();
     let mut compared = 0;
-    // The stiffest scene of each family, and two that are ordinary.
+    // The most ill-conditioned scene of each family, and two ordinary scenes.
     let of_interest = |subject: &Subject| match subject.family {
         Some(family) => family.stiffness == 2,
         None => ["sphere", "two-lights"].contains(&subject.name.as_str()),
@@ -178,8 +178,8 @@ fn the_errors_of_the_document_are_current() {
             let errors = judgement.errors;
             let (wrong, ulp, off) = figures(cell);
             let what = stale(&format!("{name}, {engine} {precision}: {cell} is {errors:?}"));
-            // Compilers and estimates differ a little from machine to machine; formulas differ
-            // much.
+            // Allow small differences, since compilers and estimates differ between machines; a
+            // different formula differs much more.
             let near = |documented: f64, found: f64| (documented - found).abs() <= 3.0 + 0.1 * found;
             assert!(near(wrong, (errors.wrong_hits + errors.wrong_objects) as f64), "{what}");
             assert!(near(off, errors.off_by_2 as f64), "{what}");

@@ -1,4 +1,4 @@
-//! The engines agree: with the reference on every scene, with each other, and with themselves on
+//! The engines agree: with the reference on every scene, with each other, and with themselves for
 //! any number of threads.
 
 use std::fs;
@@ -15,13 +15,12 @@ use rayo::internals::render::{
 };
 use rayo::internals::scene::{self, Camera, MAX_SIDE, Object, Scene, Sphere, many};
 
-/// The most rays against objects that a picture of these tests may take: a second or so by the
-/// slowest engine.
+/// The most intersection tests for a picture in these tests: about a second by the slowest engine.
 const MOST_TESTS: u64 = 50_000_000;
-/// As many in a sample.
+/// The most intersection tests in a sampled run.
 const SAMPLED_TESTS: u64 = 8_000_000;
 
-/// The project's scenes by name, at their full size or reduced to [`MOST_TESTS`].
+/// The scenes of the project by name, at their full size or reduced to [`MOST_TESTS`].
 fn scenes() -> Vec<(String, Scene)> {
     let directory = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("scenes");
     let paths = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
@@ -36,7 +35,7 @@ fn scenes() -> Vec<(String, Scene)> {
     paths.iter().map(load).collect()
 }
 
-/// The scene's camera, with as many pixels fewer as it takes.
+/// The scene's camera with the pixels reduced as far as necessary.
 fn reduced(scene: &Scene) -> Camera {
     let camera = &scene.camera;
     let objects = (scene.spheres.len() + scene.triangles.len()) as u64;
@@ -95,7 +94,7 @@ fn frame_tells_hits_and_refuses_films_of_other_sizes() {
         let tracer = contender.prepare(&scene);
         let frame = Frame::new(&*tracer, scene.camera, Settings { threads: 1 }).unwrap();
         let mut hits = 0;
-        // Row by row they are those of the whole picture.
+        // Hits found row by row are those of the whole picture.
         let all = tracer.hits(0..47);
         for (i, (row, column)) in (0..47).flat_map(|row| (0..61).map(move |column| (row, column))).enumerate() {
             let hit = frame.hit(column, row);
@@ -161,7 +160,7 @@ fn missing_rows_have_no_hits_and_take_no_memory() {
     }
 }
 
-/// The other tests pass over them.
+/// The other tests skip these engines, so that this one reports them.
 #[test]
 fn engines_that_this_cpu_does_not_run_are_told() {
     for engine in Engine::ALL.iter().filter(|engine| !engine.usable()) {
@@ -171,7 +170,7 @@ fn engines_that_this_cpu_does_not_run_are_told() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
-    // Wide enough for several tasks, and no multiple of a packet.
+    // A picture wide enough for several tasks, whose width is no multiple of a packet's.
     let plain = Scene { camera: Camera::new(1003, 97, 1.0, 1.0).unwrap(), ..many(20, 20, 6) };
     for (contender, shadows) in contenders().into_iter().flat_map(|one| [(one, false), (one, one.engine.has_shadows())])
     {
@@ -186,7 +185,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn rows_split_in_any_way_give_the_same_bytes() {
-    // Rows of tiles have 32.
+    // The height is no multiple of a tile's 32 rows.
     let scene = Scene { camera: Camera::new(101, 131, 1.0, 1.0).unwrap(), ..many(40, 60, 7) };
     let width = scene.camera.width() as usize;
     for contender in contenders() {
@@ -194,7 +193,7 @@ fn rows_split_in_any_way_give_the_same_bytes() {
         let Film::F32x4(whole) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4) else { unreachable!() };
         for step in [1, 7, 31, 32, 33, 130] {
             let mut split = vec![[f32::NAN; 4].into(); whole.len()];
-            // In any order, too.
+            // The parts are traced in reverse order.
             for (i, part) in split.chunks_mut(step * width).enumerate().rev() {
                 let start = (i * step) as u32;
                 tracer.rows(start..start + (part.len() / width) as u32, FilmMut::F32x4(part));
@@ -204,7 +203,7 @@ fn rows_split_in_any_way_give_the_same_bytes() {
     }
 }
 
-/// Anybody may write a tracer.
+/// Users of the library may implement `Tracer`.
 #[test]
 fn tracer_gets_rows_of_the_picture_alone() {
     struct Plain(u32);
@@ -243,7 +242,7 @@ fn tracer_gets_rows_of_the_picture_alone() {
     }
 }
 
-/// A sphere alone under one light has a form of its own.
+/// A single sphere under one light is traced by the closed form, which has a short form.
 #[cfg(all(feature = "asm", target_arch = "x86_64"))]
 mod short_form {
     use glam::{DVec3, Vec3};
@@ -253,14 +252,14 @@ mod short_form {
 
     use crate::contenders::{Contender, Truth, packets};
 
-    /// A sphere of radius 1 that fills a picture from `kappa` radii away, or lies somewhere at its
-    /// border, under a light at `gap` from its surface.
+    /// A sphere of radius 1 that fills a picture from `kappa` radii away, or lies anywhere on its
+    /// border, under a light at the distance `gap` from its surface.
     fn lit_sphere(kappa: f64, gap: f64, rng: &mut Rng) -> Scene {
         let mut number = |from: f64, to: f64| from + (to - from) * (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
         let film = 2.6 / (kappa * kappa - 1.0).sqrt();
         let [x, y] = [film, film].map(|film| number(-0.3, 0.3) * film);
         let centre = kappa * DVec3::new(x, y, 1.0).normalize();
-        // From the camera's side, a little behind the outline at most.
+        // The light is on the camera's side of the sphere, or slightly behind its outline.
         let towards = DVec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 0.3)).normalize();
         let light = centre + (1.0 + gap) * towards;
         Scene {
@@ -270,8 +269,8 @@ mod short_form {
         }
     }
 
-    /// The bound of SPHERE_LIT, and that it is taken: without it a far sphere would take several
-    /// times as long.
+    /// The short form satisfies SPHERE_LIT's error bound. It is used at all: otherwise a far sphere
+    /// would take several times as long.
     #[test]
     fn closed_form_is_within_its_bound_from_any_distance() {
         let mut rng = Rng::new(7);
@@ -279,7 +278,8 @@ mod short_form {
         let mut worst = 0.0_f64;
         for case in 0..300 {
             let kappa = 10f64.powf(0.2 + 4.8 * f64::from(case) / 300.0);
-            // The nearest of them is on either side of where the form is left.
+            // The nearest lights are on both sides of the limit below which the short form is not
+            // used.
             let nearest = if case % 2 == 0 { 0.55 } else { 0.7 };
             let gap = if case % 3 == 0 { kappa } else { nearest * 4f64.powi(case % 7) };
             let scene = lit_sphere(kappa, gap, &mut rng);
@@ -303,7 +303,7 @@ mod short_form {
                     let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
                     let d = DVec3::from(scene.camera.grid::<f64>().ray(row, col));
                     let s = 1.0 - centre.cross(d).length_squared() / d.length_squared();
-                    // Nearer to the outline either answer is right.
+                    // Even closer to the outline, hit and miss are both right.
                     if s < 2e-6 {
                         continue;
                     }

@@ -1,4 +1,4 @@
-//! The geometry of `reference`, where the answer is known beforehand.
+//! The geometry of `reference`, on cases with known results.
 
 use glam::DVec3;
 use rayo::internals::reference::geometry::{
@@ -21,7 +21,7 @@ fn corner(x: f64, y: f64, z: f64) -> DVec3 {
 
 #[test]
 fn triangle_next_to_the_camera_has_its_volume_from_there() {
-    // Exactly representable: a corner below the camera, and two farther ones.
+    // Exactly representable numbers: a corner just below the camera, and two farther ones.
     for tiny in [-60, -19, -3].map(|exponent| 2f64.powi(exponent)) {
         let (near, one, other) = (corner(0.0, -tiny, 0.0), corner(-3.0, -0.375, 5.0), corner(2.0, -0.625, 7.0));
         let expected = near.dot((near - one).cross(near - other));
@@ -29,7 +29,7 @@ fn triangle_next_to_the_camera_has_its_volume_from_there() {
             assert_eq!(triangle_volume(vertices), Some(expected), "{vertices:?}");
         }
         assert_eq!(triangle_volume([near, other, one]), Some(-expected));
-        // Two of them equally near.
+        // The same with two corners equally near.
         let (beside, far) = (corner(tiny, 0.0, 0.0), corner(-3.0, -0.375, 5.0));
         for vertices in [[near, beside, far], [far, near, beside], [beside, far, near]] {
             assert_eq!(triangle_volume(vertices), Some(5.0 * tiny * tiny), "{vertices:?}");
@@ -92,7 +92,8 @@ fn sphere_hides_what_is_behind_and_what_touches_it() {
 #[test]
 fn triangle_hides_from_both_sides_but_not_in_its_plane() {
     let (light, p) = (corner(0.0, 8.0, 4.0), corner(0.0, 0.0, 4.0));
-    // The segment goes through (0, 4, 4), to the right of this corner by x and in front of it by z.
+    // The segment passes through (0, 4, 4), which is `x` to the right and `z` in front of this
+    // corner.
     let at = |x: f64, y: f64, z: f64| [corner(-x, y, 4.0 - z), corner(4.0 - x, y, 4.0 - z), corner(-x, y, 8.0 - z)];
     let far = |z, far: f64| [corner(-1.0, 4.0, z), corner(-1.0, 4.0, z + 4.0), far * corner(1.0, 0.25, 0.25)];
     for (vertices, hides, what) in [

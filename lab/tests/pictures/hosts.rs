@@ -1,4 +1,4 @@
-//! Hosts of the library that have set floating-point arithmetic for themselves: no scene and no
+//! Programs that use the library and have changed the floating-point environment: no scene and no
 //! picture depends on it.
 
 use glam::DVec3;
@@ -12,7 +12,7 @@ use rayo_lab::families::FAMILIES;
 use crate::contenders::{Contender, contenders, film};
 use crate::extent;
 
-/// Scenes in the paper's format, some of whose numbers, products or distances are denormal in f32.
+/// Scenes in the paper's format with numbers, products or distances that are denormal in f32.
 const SCENES: [&str; 6] = [
     "ball.png 40 30 1   1  1 1 1 1  20 20 0   1  30 1 1 1  0 0 120   0",
     "all.png 60 40 1e-39   1  1 1 1 1  2e-38 2e-38 0   2  3e-39 1 1 1  0 0 1.2e-38  1e-39 1 0.5 0.2  2e-39 2e-39 8e-39
@@ -24,11 +24,11 @@ const SCENES: [&str; 6] = [
      1  1 1 1  -2e-38 -1e-38 5e-38  2e-38 -1e-39 5e-38  0 2e-38 5e-38",
 ];
 
-/// A roof, two of whose corners are on the rays of pixels.
+/// A roof with two corners exactly on the rays of pixels.
 const ROOF: &str =
     "v -1 0 3\nv 1 0 3\nv 1 0 5\nv -1 0 5\nv 0.25 1.5 4.25\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\nf 1 3 2\n";
 
-/// What a host gets to see of a scene: each number by its bits.
+/// What a program sees of a scene: every number by its bits.
 #[derive(PartialEq)]
 struct Seen {
     floats: Vec<[u32; 4]>,
@@ -36,7 +36,7 @@ struct Seen {
     hits: Vec<Option<Hit>>,
 }
 
-/// The pictures of a scene by two threads, and its hits.
+/// The pictures of a scene traced by two threads, and its hits.
 fn seen(contender: &Contender, scene: &Scene) -> Seen {
     let camera = scene.camera;
     let tracer = contender.prepare(scene);
@@ -49,7 +49,8 @@ fn seen(contender: &Contender, scene: &Scene) -> Seen {
     Seen { floats, developed: film(&developed, camera, 2, PixelFormat::Rgb8), hits }
 }
 
-/// Holds what every engine shows of a scene under every host against what it shows by itself.
+/// Asserts that each engine shows a scene under every floating-point environment as in the default
+/// one.
 fn check(scene: &Scene, what: &str) {
     for contender in contenders() {
         let scene = Scene { shadows: contender.engine.has_shadows(), ..scene.clone() };
@@ -105,7 +106,8 @@ fn ill_conditioned_scenes_are_rendered_alike() {
 #[test]
 fn denormal_cameras_work_and_hosts_keep_their_modes() {
     for host in HostFloats::ALL {
-        // What a host computes shows what it has set; the compiler must not compute it instead.
+        // The arithmetic of the calling program itself must show its own modes. `black_box` keeps
+        // the compiler from computing it.
         let hosts_own = || {
             let [tiny, third] = std::hint::black_box([1e-39_f32, 1.0 / 3.0]);
             [(tiny * 2.0).to_bits(), (third * 1.1).to_bits(), (-third * 1.1).to_bits()]
@@ -118,7 +120,7 @@ fn denormal_cameras_work_and_hosts_keep_their_modes() {
     }
 }
 
-/// A file whose format rounds floats to eight bits and a common exponent.
+/// The format rounds floats to eight bits with a common exponent.
 #[test]
 fn files_of_floats_are_written_and_read_alike() {
     use rayo::{Engine, Format, ImageFile, ImageWriter, render_to_file};

@@ -1,4 +1,5 @@
-//! What a window on a scene needs: frames that can be stopped, and engines that can be asked.
+//! What an interactive window needs: frames that can be stopped, and asking an engine whether it
+//! takes a scene.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -11,7 +12,7 @@ use rayo::{
 
 use crate::contenders::{Contender, contenders};
 
-/// Is stopped while it traces the row `last`.
+/// A tracer that is stopped while it traces the row `last`.
 struct Stopped<'a> {
     cancel: &'a Cancel,
     last: u32,
@@ -61,7 +62,7 @@ fn a_file_whose_picture_is_stopped_is_not_written() {
     assert!(!path.exists());
 }
 
-/// A contender's plan of a scene, which may be stopped.
+/// A contender's plan of a scene, with a `Cancel` that may stop it.
 fn plan<'a>(contender: &Contender, scene: &'a Scene, cancel: Option<&Cancel>) -> Result<Plan<'a>, EngineError> {
     let purpose = Purpose { precision: Some(contender.precision), threads: 2, cancel, ..Purpose::default() };
     Plan::new(contender.engine, scene, purpose)
@@ -74,7 +75,7 @@ fn cancelled_plan_is_an_error_and_leaves_no_trace() {
     let plain = Scene { camera: Camera::new(40, 30, 1.0, 1.0).unwrap(), ..many(20, 2_000, 3) };
     for contender in contenders() {
         let scene = Scene { shadows: contender.engine.has_shadows(), ..plain.clone() };
-        // Rays one by one would take long.
+        // Engines that trace single rays would take too long with all objects.
         let scene = if contender.engine.is_packet() { scene } else { Scene { triangles: Vec::new(), ..scene } };
         assert_eq!(plan(&contender, &scene, Some(&stopped)).err(), Some(EngineError::Cancelled), "{contender}");
         let [may_be_stopped, other] = [Some(&going), None].map(|cancel| {

@@ -1,6 +1,7 @@
-//! Every output and way to render a random mixture, held against the truth pixel by pixel.
+//! Compares every output and way of rendering a random mixture with the exact result, pixel by
+//! pixel.
 //!
-//! What is promised, and so what a failure is:
+//! A failure is a violation of one of these promises:
 //! - Outside of the margin of the engine's precision no hit where there is none, none where there
 //!   is one, and no other object than the nearest; the first in order of those that tie exactly.
 //! - Outside of the margin of f64, in which points are found, no light that is hidden, and none
@@ -29,31 +30,32 @@ use rayo_lab::experiments::accuracy::errors::margin_of;
 use rayo_lab::experiments::accuracy::{Contender, contenders};
 use rayo_lab::truth::{TrueHit, TruePixel, Truth};
 
-/// The formats that a tracer is got ready for together.
+/// The pixel formats, grouped by the tracer that serves them.
 const OUTPUTS: [[PixelFormat; 2]; 2] =
     [[PixelFormat::F32x4, PixelFormat::F32x3], [PixelFormat::Rgba8, PixelFormat::Rgb8]];
 
-/// How far a cosine in f64 may be off where that decides between two levels: several times what the
-/// documented bound of t does to the normal next to a limb.
+/// By how much a cosine in f64 may be off near the boundary between two levels: several times what
+/// the documented bound of t causes for a normal near the limb.
 const EDGE: f64 = 1e-9;
 
-/// What two estimates by instructions of 12 bits may move a cosine by.
+/// By how much two estimates with the accuracy of `rsqrtps` may change a cosine.
 const ESTIMATES: f64 = 1.0 / 1024.0;
 
-/// A scene and what is true of its picture.
+/// A scene and the exact result for its picture.
 struct Judge<'a> {
     scene: &'a Scene,
     truth: Vec<TruePixel>,
 }
 
-/// What one colour may be: a float of each channel, a level of each channel.
+/// The allowed values of a colour: an interval of floats and an interval of levels for each
+/// channel.
 #[derive(Debug)]
 struct Allowed {
     floats: [RangeInclusive<f64>; 3],
     levels: [RangeInclusive<u8>; 3],
 }
 
-/// What is wrong with the pictures of a scene by some engines, in words.
+/// Descriptions of what is wrong with a scene's pictures by these contenders.
 fn failures(scene: &Scene, contenders: &[Contender]) -> Vec<String> {
     let truth = Truth::new(scene);
     let width = scene.camera.width() as usize;
@@ -70,11 +72,12 @@ impl Judge<'_> {
             let purpose = Purpose { precision: Some(precision), format: Some(format), keep, ..Purpose::default() };
             Plan::new(engine, self.scene, purpose).unwrap().into_tracer()
         };
-        // What an estimate may move a cosine by, see SPHERE_LIT.
+        // By how much an estimate may change a cosine; see SPHERE_LIT.
         let estimates = if engine.name() == "avx512" { 1.0 / 4096.0 } else { ESTIMATES };
         let allowed: Vec<_> = self.truth.iter().map(|pixel| self.allowed(pixel, precision, estimates)).collect();
         let mut failures = Vec::new();
-        // Of the pixels that are wrong, with what was expected and found, how many and the first.
+        // Of wrong pixels only the number is reported, and the first one with its expected and
+        // found values.
         let mut fail = |what: &str, wrong: &mut dyn Iterator<Item = (usize, String)>| {
             if let Some((at, why)) = wrong.next() {
                 let (row, col, pixels) = (at / width, at % width, 1 + wrong.count());
@@ -86,7 +89,7 @@ impl Judge<'_> {
         for formats in OUTPUTS {
             let (planned, brute) = (prepare(formats[0], Keep::NOTHING), prepare(formats[0], Keep::all()));
             for format in formats.into_iter().filter(|format| planned.writes(*format)) {
-                // In bands of so many rows, the last first.
+                // The film traced in bands of this many rows, from the last band to the first.
                 let film = |tracer: &dyn Tracer, band: u32| {
                     let mut film = Film::new(format, self.truth.len()).unwrap();
                     for start in (0..height).step_by(band as usize).rev() {
@@ -131,7 +134,7 @@ impl Judge<'_> {
         })
     }
 
-    /// What a pixel may show.
+    /// The allowed colours of a pixel.
     fn allowed(&self, pixel: &TruePixel, precision: Precision, estimates: f64) -> Allowed {
         if pixel.margin < margin_of(precision) {
             return Allowed::ANY;
@@ -163,7 +166,7 @@ impl Judge<'_> {
         }
     }
 
-    /// The light that an object reflects where its cosines are `of` the true ones.
+    /// The light that an object reflects if its cosines are changed by `of`.
     fn sum(&self, hit: &TrueHit, of: &dyn Fn(f64) -> f64) -> DVec3 {
         let colour = match hit.object {
             Object::Sphere(i) => self.scene.spheres[i].colour,
@@ -184,7 +187,7 @@ fn per_channel<T>(of: impl Fn(usize) -> T) -> [T; 3] {
 }
 
 impl Allowed {
-    /// Whatever is a number.
+    /// Any number is allowed.
     const ANY: Allowed = Allowed { floats: [const { 0.0..=f64::INFINITY }; 3], levels: [const { 0..=255 }; 3] };
     const BLACK: Allowed = Allowed { floats: [const { 0.0..=0.0 }; 3], levels: [const { 0..=0 }; 3] };
 
@@ -200,7 +203,7 @@ impl Allowed {
     }
 }
 
-/// The fourth float is 0, and the fourth byte 255.
+/// Whether the fourth float is 0, or the fourth byte 255.
 fn fourth_is_right(film: &Film, at: usize) -> bool {
     match film {
         Film::F32x4(pixels) => pixels[at].lanes()[3] == 0.0,
@@ -217,7 +220,7 @@ fn bits(colour: Colour) -> [u32; 3] {
     }
 }
 
-/// What a pixel may show that is lit with `cosine` by a light of that intensity.
+/// The allowed colours of a pixel that a light of this intensity shines on with this cosine.
 fn allowed(cosine: f64, intensity: f32, precision: Precision) -> Allowed {
     let mut scene = many(1, 0, 1);
     scene.spheres[0].colour = glam::Vec3::ONE;
@@ -265,7 +268,7 @@ fn truth_at_the_edge_of_a_level_is_either_level() {
     let edge = allowed(100.0 / 255.0, 1.0, Precision::Double);
     assert!([99, 100].into_iter().all(|level| edge.has(Colour::Levels([level; 3]))));
     assert!([98, 101].into_iter().all(|level| !edge.has(Colour::Levels([level; 3]))));
-    // In f32 a cosine of 1e-7 is as good as 0; one of -1/2 is not.
+    // In f32 a cosine of 1e-7 cannot be told from 0, but -1/2 can.
     for (cosine, white) in [(1e-7, true), (0.5, true), (-0.5, false)] {
         let bright = allowed(cosine, 1e30, Precision::Single);
         assert_eq!(bright.has(Colour::Levels([255; 3])), white, "{cosine}");

@@ -1,5 +1,5 @@
-//! Pictures: of every engine, right on every scene, the same however they are split and whatever is
-//! left out.
+//! Tests of pictures: by every engine, they are right on every scene, and do not depend on how they
+//! are split or on what is omitted.
 
 #[path = "../common/contenders.rs"]
 mod contenders;

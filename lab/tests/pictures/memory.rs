@@ -1,4 +1,4 @@
-//! How much memory a picture of many objects takes beside its scene.
+//! How much memory a picture of many objects takes in addition to its scene.
 
 use crate::counting::peak_of;
 use crate::extent;
@@ -7,8 +7,8 @@ use rayo::internals::render::{Engine, Film, PixelFormat, Plan, Precision, Purpos
 use rayo::internals::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
 use rayo::internals::scene::{MeshFormat, mesh::shapes::icosphere};
 
-/// Triangles that each meet as many tiles as an object's place in the lists is kept for, in 11
-/// tiles of a row: `across` says which is the first of each.
+/// Long triangles that each meet the most tiles for which an object's place is kept in the lists,
+/// in 11 tiles of a row; `across` gives the first tile of each.
 fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u32; 2]) -> Scene {
     let mut rng = Rng::new(1);
     let grid = camera.grid::<f64>();
@@ -25,14 +25,14 @@ fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u
     Scene { camera, triangles: triangles.collect(), ..rayo::internals::scene::many(0, 0, 1) }
 }
 
-/// The most memory that a picture takes beside the scene, in one precision.
+/// The peak of memory that a picture takes in addition to the scene, in one precision.
 fn peak_beside(scene: &Scene, precision: Precision) -> usize {
     let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
     peak_of(|| picture(scene, precision, &mut film)).1
 }
 
 fn picture(scene: &Scene, precision: Precision, film: &mut Film) {
-    // What is kept does not depend on the instruction set.
+    // The memory does not depend on the instruction set.
     let engine = Engine::fastest();
     let purpose = Purpose { precision: Some(precision), format: Some(PixelFormat::Rgb8), ..Purpose::default() };
     let plan = Plan::new(engine, scene, purpose).unwrap();
@@ -41,8 +41,8 @@ fn picture(scene: &Scene, precision: Precision, film: &mut Film) {
 
 #[test]
 fn triangle_in_many_tiles_takes_at_most_190_bytes() {
-    /// As below, what is kept of the triangles of one tile that are traced at once, and what is
-    /// found of a piece.
+    /// Besides what [`triangle_of_a_mesh_file_takes_at_most_45_bytes`] lists: the triangles of one
+    /// tile that are traced at once, and the candidates of a piece.
     const FIXED: usize = 4 << 20;
     const COUNT: usize = 500_000;
     let camera = Camera::new(1632, 1224, 1.0, 1.0).unwrap();
@@ -56,7 +56,7 @@ fn triangle_in_many_tiles_takes_at_most_190_bytes() {
         for &precision in extent::sampled(Engine::fastest().precisions(), 3) {
             let each = peak_beside(&scene, precision).saturating_sub(FIXED) as f64 / COUNT as f64;
             assert!(each <= 190.0, "{name} in {precision}: {each:.1} bytes for each");
-            // 16 in each list: there is nothing worse.
+            // A candidate takes 16 bytes in each list that it is in: nothing takes more.
             assert!(each >= 170.0, "{name} in {precision}: {each:.1} bytes for each, so this is not the worst case");
         }
     }
@@ -64,13 +64,14 @@ fn triangle_in_many_tiles_takes_at_most_190_bytes() {
 
 #[test]
 fn triangle_of_a_mesh_file_takes_at_most_45_bytes() {
-    /// The piece of the file that is at hand, the tile that is worked on, the places of all tiles,
-    /// and what is found of a piece of the scene.
+    /// Memory that does not grow with the scene: the piece of the file that is read, the current
+    /// tile, the places of all tiles, and the candidates of a piece of the scene.
     const FIXED: usize = 4 << 20;
     let mesh = icosphere(1_000_000, 0.3, 1);
     let count = mesh.triangles.len();
     let folder = tempfile::tempdir().unwrap();
-    // For a text, room is asked for by its length, and hardly used.
+    // Text formats are left out: memory is reserved by the length of the text, and mostly not
+    // touched.
     let paths = [("mesh.ply", MeshFormat::Ply), ("mesh.stl", MeshFormat::Stl)].map(|(name, format)| {
         let path = folder.path().join(name);
         mesh.write(format, &mut std::io::BufWriter::new(std::fs::File::create(&path).unwrap())).unwrap();
@@ -86,7 +87,7 @@ fn triangle_of_a_mesh_file_takes_at_most_45_bytes() {
     }
 }
 
-/// Spheres in each other's shadows, under lights all around.
+/// Spheres that shadow each other, under lights all around.
 fn under(lights: usize, spheres: usize, camera: Camera) -> Scene {
     let mut rng = Rng::new(5);
     let mut place = || Vec3::from_array([0; 3].map(|_| 20.0 * (rng.next_u64() % 1000) as f32 / 1000.0 - 10.0));
@@ -112,7 +113,7 @@ fn shadows_take_at_most_64_bytes_a_pixel_and_light() {
 #[test]
 fn shadows_of_many_lights_take_memory_by_the_objects() {
     const LIGHTS: usize = 16384;
-    /// The effects of lights on what pixels show that are kept at once.
+    /// The most effects of lights on visible points that are kept at once.
     const EFFECTS: usize = 1 << 22;
     let scene = under(LIGHTS, 60, Camera::new(64, 32, 1.0, 1.0).unwrap());
     for (precision, of_effect) in [(Precision::Single, 110), (Precision::Double, 220)] {
@@ -123,11 +124,11 @@ fn shadows_of_many_lights_take_memory_by_the_objects() {
     }
 }
 
-/// Many objects in one tile under many lights: their records are those of a part of the tile, and
-/// of what it shows.
+/// With many objects in one tile and many lights, records are kept for a part of the tile only, and
+/// for the objects visible in it.
 #[test]
 fn lights_in_great_number_take_memory_for_a_part_of_a_tile() {
-    /// The effects of lights on objects that are kept at once, and of those that are set up
+    /// The most effects of lights on objects: those kept at once, and those that are set up
     /// together.
     const EFFECTS: usize = 2 << 22;
     let mut rng = Rng::new(3);
@@ -172,7 +173,7 @@ fn lights_in_great_number_take_memory_for_a_part_of_a_tile() {
                 let pairs = levels(&film, *at).into_iter().zip(levels(&expected, *at));
                 pairs.into_iter().any(|(one, other)| (one - other).abs() > 1)
             });
-            // `rust` rounds each of thousands of sums.
+            // `rust` rounds each of the thousands of sums.
             assert_eq!(apart.count(), 0, "{name}, {precision:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! Random scenes that mix what is hard in all families, of few objects and of many.
+//! Random scenes, with few objects or many, that mix what is difficult in all families.
 
 use glam::{DVec3, Vec3, dvec3};
 use proptest::collection::vec;
@@ -9,13 +9,13 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
 use rayo::internals::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
 
-/// What adds an object, or a few that belong together, to a scene.
+/// Functions that each add an object, or a few related ones, to a scene.
 const KINDS: [fn(&mut Mixer); 18] = [
     ordinary, beside, around, across, far, tangent, nested, sun, remote, sizes, ground, sliver, grazing, small, large,
     degenerate, mesh, duplicate,
 ];
 
-/// How the lights of a scene are chosen: anywhere, far away, dim and bright, beyond f32, at
+/// How the lights of a scene are chosen: anywhere, far away, from dim to bright, beyond f32, on
 /// objects, white.
 const LIGHTS: [fn(&mut Mixer, Light) -> Light; 6] = [
     |_, light| light,
@@ -32,16 +32,18 @@ const LIGHTS: [fn(&mut Mixer, Light) -> Light; 6] = [
     |_, light| Light { colour: Vec3::ONE, intensity: 1.0, ..light },
 ];
 
-/// A scene that every engine takes. One that fails shrinks to fewer and plainer objects and lights.
+/// A scene that every engine accepts. A failing scene is shrunk to fewer and simpler objects and
+/// lights.
 pub fn mixture() -> impl Strategy<Value = Scene> {
-    // Mostly what files without a film have.
+    // Mostly the values usual in files, where the film's diagonal is 1.
     let focal = select(vec![1.0, 1.0, 1.0, 1.0, 0.5, 0.25, 2.0, 30.0, 1e4]);
     let film = prop_oneof![7 => Just(1.0), 1 => select(vec![1e-6, 35.0, 1e6])];
     let camera = (12..57_u32, 12..57_u32, focal, film)
         .prop_map(|(width, height, focal, film)| Camera::new(width, height, focal * film, film).unwrap());
     let seed = || any::<u64>().no_shrink();
-    // On both sides of the crossover. Most are of one kind, which in most scenes is the ordinary
-    // one, the others of four. Each can be left out where a failure shrinks.
+    // Numbers of objects on both sides of the limit for tiles. Most objects are of one kind, mostly
+    // the ordinary one; the others are of four kinds. Each object can be left out when a failing
+    // scene is shrunk.
     let object = || option::weighted(0.999, (0..10_usize, seed()));
     let objects = prop_oneof![
         10 => vec(object(), 1..33), 3 => vec(object(), 31..33), 28 => vec(object(), 1..201), 1 => vec(object(), 200..1400)
@@ -50,7 +52,7 @@ pub fn mixture() -> impl Strategy<Value = Scene> {
     let others = prop::array::uniform4(0..KINDS.len());
     let light = || (prop_oneof![Just(false), Just(true)], seed());
     let lights = (0..LIGHTS.len(), prop_oneof![5 => vec(light(), 0..4), 3 => vec(light(), 0..9)]);
-    // Another unit of length, which changes nothing but what f32 makes of it.
+    // The unit of length. It only affects the rounding to f32 and the range.
     let unit = prop_oneof![3 => Just(1.0), 1 => select(vec![1e-15, 1e-9, 1e-4, 0.125, 1e3, 1e7, 1e15])];
     (camera, objects, main, others, lights, unit).prop_map(|(camera, objects, main, others, (kind, lights), unit)| {
         let across = f64::from(camera.film()) / f64::from(camera.width()).hypot(f64::from(camera.height()));
@@ -74,24 +76,25 @@ pub fn mixture() -> impl Strategy<Value = Scene> {
     })
 }
 
-/// The same scenes in every run; PROPTEST_CASES says how many, and PROPTEST_RNG_SEED which.
+/// A runner that generates the same scenes in every run. PROPTEST_CASES sets their number, and
+/// PROPTEST_RNG_SEED selects others.
 pub fn runner() -> TestRunner {
     let default = ProptestConfig { failure_persistence: None, max_shrink_iters: 10_000, ..ProptestConfig::default() };
     let rng_seed = if default.rng_seed == RngSeed::Random { RngSeed::Fixed(1) } else { default.rng_seed };
     TestRunner::new(ProptestConfig { rng_seed, ..default })
 }
 
-/// Some of them.
+/// The first scenes of the runner.
 pub fn scenes(count: usize) -> impl Iterator<Item = Scene> {
     let mut runner = runner();
     (0..count).map(move |_| mixture().new_tree(&mut runner).unwrap().current())
 }
 
-/// A scene in the making.
+/// A scene that is being generated.
 struct Mixer {
     rng: Rng,
     scene: Scene,
-    /// Half of what the picture sees at distance 1, across and up.
+    /// Half the width and height that the camera sees at depth 1.
     half: (f64, f64),
 }
 
@@ -100,7 +103,7 @@ impl Mixer {
         (self.rng.next_u64() % below as u64) as usize
     }
 
-    /// Once in so many times.
+    /// True once in this many times, on average.
     fn chance(&mut self, times: usize) -> bool {
         self.whole(times) == 0
     }
@@ -113,13 +116,13 @@ impl Mixer {
         low + (high - low) * f64::from(self.rng.next_f32())
     }
 
-    /// A number of any size from 2^low to 2^high.
+    /// A number whose logarithm is uniform, from 2^low to 2^high.
     fn size(&mut self, low: i32, high: i32) -> f64 {
         let exponent = low + self.whole((high - low) as usize) as i32;
         2f64.powi(exponent) * self.between(1.0, 2.0)
     }
 
-    /// Any direction.
+    /// A uniformly random direction.
     fn direction(&mut self) -> DVec3 {
         loop {
             let v = DVec3::from([(); 3].map(|()| self.between(-1.0, 1.0)));
@@ -129,12 +132,12 @@ impl Mixer {
         }
     }
 
-    /// A direction in the plane of the film.
+    /// A random direction parallel to the film.
     fn turn(&mut self) -> DVec3 {
         self.direction().with_z(0.0).normalize()
     }
 
-    /// A point that the picture sees, at that depth.
+    /// A point at this depth that is mostly visible.
     fn seen(&mut self, depth: f64) -> DVec3 {
         let (x, y) = (self.between(-1.1, 1.1), self.between(-1.1, 1.1));
         depth * dvec3(x * self.half.0, y * self.half.1, 1.0)
@@ -159,7 +162,8 @@ impl Mixer {
         self.scene.triangles.push(Triangle { colour, vertices: vertices.map(|v| v.as_vec3()) });
     }
 
-    /// A triangle about a point, of about that size, and of about that height by its length.
+    /// A triangle around a point, of about this size; `height` is about its height divided by its
+    /// length.
     fn triangle_at(&mut self, centre: DVec3, size: f64, height: f64) {
         let along = self.direction();
         let across = along.cross(self.direction()) * height;
@@ -184,7 +188,7 @@ impl Mixer {
         Light { intensity: self.between(0.1, 1.0) as f32, colour, position }
     }
 
-    /// A point on an object, in it or close to it.
+    /// A point on, in or close to an object.
     fn surface(&mut self) -> DVec3 {
         let direction = self.direction();
         let share = self.any(&[0.0, 0.5, 1.0, 1.001, 1.1]);
@@ -201,12 +205,12 @@ impl Mixer {
     }
 }
 
-/// Something that is easy to see, at some depth.
+/// An object that is easy to see, at some depth.
 fn ordinary(mixer: &mut Mixer) {
     let depth = mixer.between(2.0, 60.0);
     mixer.ordinary_at(depth);
 }
-/// Wholly in front of the plane z = 0, by a hair.
+/// An object that is only just in front of the plane z = 0 as a whole.
 fn beside(mixer: &mut Mixer) {
     let radius = mixer.size(-6, 8);
     let (hair, far) = (mixer.between(0.0, 1.0), mixer.between(0.3, 2.5));
@@ -231,7 +235,7 @@ fn across(mixer: &mut Mixer) {
     mixer.sphere(radius, kappa * radius * centre);
 }
 
-/// From a tenth of a pixel to all of the picture.
+/// A far object, from a tenth of a pixel to the whole picture in size.
 fn far(mixer: &mut Mixer) {
     let distance = mixer.size(-3, 24);
     let radius = distance * mixer.half.1 * mixer.size(-8, 0);
@@ -239,7 +243,7 @@ fn far(mixer: &mut Mixer) {
     mixer.sphere(radius, centre);
 }
 
-/// Whole numbers: the axis touches it exactly.
+/// A sphere that the axis touches exactly, in integers.
 fn tangent(mixer: &mut Mixer) {
     let (a, b, radius) = mixer.any(&[(3.0, 4.0, 5.0), (-8.0, 15.0, 17.0), (5.0, -12.0, 13.0), (-24.0, -7.0, 25.0)]);
     let distance = radius * mixer.size(0, 10);
@@ -248,7 +252,8 @@ fn tangent(mixer: &mut Mixer) {
 
 const GAPS: [f64; 7] = [1e-1, 1e-2, 1e-4, 1e-5, 1e-6, 1.2e-7, 0.0];
 
-/// Two in one, side by side or through each other; or two triangles, one behind the other.
+/// A sphere inside another, or two beside or through each other; or two triangles, one behind the
+/// other.
 fn nested(mixer: &mut Mixer) {
     let depth = mixer.between(2.0, 30.0);
     let (centre, size) = (mixer.seen(depth), depth * mixer.half.1 * 0.3);
@@ -275,7 +280,7 @@ fn nested(mixer: &mut Mixer) {
     }
 }
 
-/// In metres: seen, beside or behind, and often with a light in it.
+/// The sun in metres: seen, beside or behind the camera, often with a light in it.
 fn sun(mixer: &mut Mixer) {
     let seen = mixer.seen(1.0).normalize();
     let direction = if mixer.chance(2) { seen } else { mixer.direction() };
@@ -287,7 +292,7 @@ fn sun(mixer: &mut Mixer) {
     }
 }
 
-/// Something ordinary that is many times as far, as large, or both.
+/// An ordinary object at a much larger distance, of a much larger size, or both.
 fn remote(mixer: &mut Mixer) {
     let factor = mixer.size(50, 93);
     let depth = mixer.between(2.0, 60.0);
@@ -303,7 +308,7 @@ fn remote(mixer: &mut Mixer) {
     }
 }
 
-/// Something ordinary, a million million times as small or as large.
+/// An ordinary object in a unit of length that is up to 10^12 times as small or large.
 fn sizes(mixer: &mut Mixer) {
     let unit = mixer.any(&[1e-12, 1e-8, 1e-8, 1e8, 1e8, 1e12]);
     let depth = unit * mixer.between(2.0, 60.0);
@@ -324,7 +329,7 @@ fn sliver(mixer: &mut Mixer) {
     mixer.triangle_at(centre, depth * mixer.half.1 * 0.7, height);
 }
 
-/// In a plane that passes the camera closely.
+/// An object in a plane that passes close to the camera.
 fn grazing(mixer: &mut Mixer) {
     let slope = mixer.any(&[1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 0.0]);
     let x = mixer.turn();
@@ -349,7 +354,7 @@ fn large(mixer: &mut Mixer) {
     mixer.triangle_at(centre, size, 1.0);
 }
 
-/// Of no area or through the camera, exactly or but for the rounding of its numbers; behind the
+/// A triangle without area or in a plane through the camera, exactly or up to rounding; behind the
 /// camera, or across z = 0.
 fn degenerate(mixer: &mut Mixer) {
     let depth = mixer.between(2.0, 60.0);
@@ -367,7 +372,7 @@ fn degenerate(mixer: &mut Mixer) {
     mixer.triangle(vertices);
 }
 
-/// A closed mesh, ahead or around the camera.
+/// A closed mesh, in front of the camera or around it.
 fn mesh(mixer: &mut Mixer) {
     let size = mixer.size(-2, 4);
     let centre = if mixer.chance(3) {
@@ -384,7 +389,7 @@ fn mesh(mixer: &mut Mixer) {
     }
 }
 
-/// An object that is there already, in another colour.
+/// A copy of an existing object in another colour.
 fn duplicate(mixer: &mut Mixer) {
     let count = mixer.scene.spheres.len() + mixer.scene.triangles.len();
     let (i, colour) = (mixer.whole(count.max(1)), mixer.colour());

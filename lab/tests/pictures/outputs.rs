@@ -1,4 +1,5 @@
-//! Pixels in any format: the same to the last bit as in four channels, and nothing beside them.
+//! Pixel formats: three channels equal the first of four to the last bit, and nothing outside of
+//! the pixels is written.
 
 use std::path::Path;
 
@@ -7,7 +8,7 @@ use rayo::internals::kernels::Vec4;
 use rayo::internals::render::{Film, FilmMut, PixelFormat, Purpose};
 use rayo::internals::scene::{self, Camera, Scene, many};
 
-/// Those that write three channels themselves.
+/// The contenders whose engines write three channels themselves.
 fn writers() -> Vec<Contender> {
     let scene = many(1, 1, 0);
     let writes = |contender: &Contender| contender.prepare(&scene).writes(PixelFormat::Rgb8);
@@ -17,19 +18,19 @@ fn writers() -> Vec<Contender> {
     writers
 }
 
-/// A scene at a size, of which the shipped ones' objects keep their places.
+/// The scene with another number of pixels, in which objects keep their place in the picture.
 fn sized(scene: Scene, width: u32, height: u32) -> Scene {
     let camera = &scene.camera;
     Scene { camera: Camera::new(width, height, camera.focal(), camera.film()).unwrap(), ..scene }
 }
 
-/// What is not written.
+/// Values of memory that must not be written.
 const FLOATS: [f32; 3] = [1.5, -2.5, 3.5];
 const BYTES: [u8; 3] = [1, 2, 3];
 const NUMBER: u32 = 0x0001_0203;
 
-/// Traces the picture whole in each format, those that are made of four channels from the pixel
-/// `first` of a longer film on.
+/// Traces the whole picture in each format. Three-channel formats that are made from four channels
+/// are written from pixel `first` of a longer film on.
 fn check(contender: &Contender, scene: &Scene, first: usize, what: &str) {
     let (pixels, rows) = (scene.camera.pixels() as usize, 0..scene.camera.height());
     let (mut four, mut rgba) = (vec![Vec4::default(); pixels], vec![[0; 4]; pixels]);
@@ -83,7 +84,7 @@ fn engines_that_compute_in_floats_alone_write_every_format() {
 
 #[test]
 fn three_channels_are_the_first_of_four_at_any_width() {
-    // A grey sphere and a coloured one, each alone; a triangle; two that overlap; tiles.
+    // A grey sphere, a coloured one, a triangle, two overlapping spheres, and tiles.
     let lit = |colour: &str| format!("x 9 9 1  1  1 1 1 1 -4 5 0  1  2.2 {colour} 0 0 10");
     let scenes = [
         lit("1 1 1") + "  0",
@@ -104,7 +105,7 @@ fn three_channels_are_the_first_of_four_at_any_width() {
     }
 }
 
-/// Beyond what stays in a cache floats are stored past it.
+/// A film too large for the caches is stored past them.
 #[test]
 fn three_channels_past_the_cache_are_the_first_of_four() {
     let directory = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("scenes");

@@ -1,5 +1,5 @@
-//! What is left out makes no difference: each omission alone and all together, to the last bit, and
-//! what is told of them.
+//! Omissions: each alone and all together leave every bit of the picture unchanged, and the report
+//! counts them.
 
 use crate::contenders::{Truth, check_by_force, contenders, packets};
 use crate::extent;
@@ -12,8 +12,8 @@ fn camera(width: u32, height: u32, focal: f32, film: f32) -> Camera {
     Camera::new(width, height, focal, film).unwrap()
 }
 
-/// Scenes of every kind: few and many objects, lights from none to eight, some of them dark, one
-/// colour for all or not, the camera inside a sphere, and objects that nobody sees.
+/// Scenes of every kind: few and many objects, no light to eight lights, some without effect, one
+/// colour or several, the camera inside a sphere, and invisible objects.
 fn scenes() -> Vec<(String, Scene)> {
     let mut scenes = Vec::new();
     let table =
@@ -31,7 +31,8 @@ fn scenes() -> Vec<(String, Scene)> {
             }
             scene.spheres.iter_mut().skip(1).step_by(3).for_each(|sphere| sphere.colour = Vec3::ONE);
             scene.triangles.iter_mut().skip(1).step_by(3).for_each(|triangle| triangle.colour = Vec3::Y);
-            // In the light, behind the camera, beside the picture, of no area, edge on.
+            // Objects around a light, behind the camera, beside the picture, without area, and
+            // edge-on.
             scene.spheres.push(Sphere { radius: 0.5, colour: Vec3::ONE, centre: first.position });
             scene.spheres.push(Sphere { radius: 4.0, colour: Vec3::ONE, centre: vec3(0.0, 0.0, -9.0) });
             scene.spheres.push(Sphere { radius: 4.0, colour: Vec3::ONE, centre: vec3(300.0, 0.0, 9.0) });
@@ -62,7 +63,7 @@ fn omissions_alone_make_the_same_bytes_on_every_scene() {
     }
 }
 
-/// The sphere's outline is a parabola of which one row's two ends are one.
+/// The sphere's outline is a parabola, which one row meets only once.
 #[test]
 fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
     for x in [5.0, -5.0] {
@@ -80,7 +81,7 @@ fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
     }
 }
 
-/// The report of the widest engine on a scene text for one picture of 160 x 120 in bytes.
+/// The report of the widest engine for a scene text, for a picture of 160 x 120 in bytes.
 fn report(lights: &str, objects: &str) -> Report {
     report_of(lights, objects, false)
 }
@@ -94,7 +95,7 @@ fn report_of(lights: &str, objects: &str, shadows: bool) -> Report {
     Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
 }
 
-/// How much of `omission` is left out.
+/// How often `omission` is made.
 fn count(report: &Report, omission: Omission) -> u64 {
     report.left_out.iter().find(|line| line.omission == omission).map_or(0, |line| line.count)
 }
@@ -102,7 +103,7 @@ fn count(report: &Report, omission: Omission) -> u64 {
 #[test]
 fn lights_that_give_nothing_are_counted() {
     let (white, red) = ("1  2 1 1 1  0 0 20  0", "1  2 1 0 0  0 0 20  0");
-    // A closed form is that of one light that gives something.
+    // The closed form is used for one light that has an effect.
     for (what, lights, objects, dark, closed) in [
         ("lit", "1  1 1 1 1  -9 9 0", white, 0, 1),
         ("no intensity", "2  1 1 1 1  -9 9 0  0 1 1 1  9 9 0", white, 1, 1),
@@ -135,7 +136,7 @@ fn what_depends_on_kinds_colours_and_overlap_is_counted() {
         assert_eq!(count(&sphere, omission), expected, "{omission:?}: {sphere:?}");
     }
     assert_eq!(count(&sphere, Omission::Misses) + count(&sphere, Omission::Search), 160 * 120);
-    // Two triangles of which the far one is hidden whole.
+    // Two triangles, of which the far one is completely hidden.
     let two = "0  2  1 1 0  -9 -9 20  9 -9 20  0 9 20  1 0 0  -90 -90 200  90 -90 200  0 90 200";
     let tiled = report(lamp, two);
     for (omission, expected) in [(Omission::SphereCode, 1), (Omission::Channels, 0), (Omission::Hidden, 0)] {
@@ -163,7 +164,7 @@ fn questions_of_shadows_that_need_no_answer_are_counted() {
     let pixels = 160 * 120;
     assert_eq!(counts(&format!("1  {sphere}  0")), [0, 0, 2], "alone");
     assert_eq!(counts(&format!("0  1  {wall}"))[2], 2, "alone");
-    // The second light is behind the wall, which fills the picture but for the sphere.
+    // The second light is behind the wall, which fills the picture except for the sphere.
     let [averted, others, unhidden] = counts(&format!("1  {sphere}  1  {wall}"));
     assert!(averted > pixels * 3 / 4 && averted < pixels && unhidden == 0, "{averted} {others} {unhidden}");
     assert!(others > pixels / 2 && others < 2 * 2 * pixels, "{others}");
@@ -171,8 +172,8 @@ fn questions_of_shadows_that_need_no_answer_are_counted() {
     assert_eq!([Omission::Averted, Omission::OtherCells].map(|omission| count(&without, omission)), [0, 0]);
 }
 
-/// Small spheres and as many small triangles, at random depths, which together about cover the
-/// picture.
+/// Small spheres and as many small triangles at random depths, which together cover about the area
+/// of the picture.
 fn crowd(half: usize, camera: Camera) -> Scene {
     let mut rng = Rng::new(57);
     let size = 0.3 / (half as f32).sqrt();
@@ -196,8 +197,8 @@ fn brute_force_makes_the_same_bytes_of_a_crowd() {
     check_by_force(&crowd(300, camera(64, 64, 1.0, 1.0)), "a crowd");
 }
 
-/// How many objects of a crowd are tested, on average, for a visible point that faces the light, in
-/// a picture of so many times the sides that has as many objects for each pixel.
+/// The average number of objects of a crowd that are tested for a visible point facing the light.
+/// The picture is `times` as wide and high, and has as many objects per pixel.
 fn tests_for_a_point(times: u32) -> u64 {
     let camera = camera(160 * times, 120 * times, 1.0, 1.0);
     let scene = crowd(1000 * (times * times) as usize, camera);
@@ -210,7 +211,7 @@ fn tests_for_a_point(times: u32) -> u64 {
     (facing * objects as u64 - count(&report, Omission::OtherCells)) / facing
 }
 
-/// If the points of a tile were not sorted as the light sees them, it would be about 400 objects,
+/// Without sorting the points of a tile as the light sees them, about 400 objects would be tested,
 /// and 1,900 in the larger picture.
 #[test]
 fn point_of_a_crowd_is_tested_against_few_objects() {
@@ -218,11 +219,11 @@ fn point_of_a_crowd_is_tested_against_few_objects() {
     assert!(few > 0 && few < 256 && many < 2 * few, "{few} and {many} of 16 times as many objects");
 }
 
-/// So many small spheres in the middle of the picture, each of some pixels.
+/// The number of small spheres in the middle of the picture, each of a few pixels.
 const FILLERS: usize = 40;
 
-/// The report of [`FILLERS`] and `objects`, by tiles of a picture of 160 x 120 in bytes, with the
-/// omissions in `keep` not made.
+/// The report for [`FILLERS`] and the given objects, traced by tiles for a picture of 160 x 120 in
+/// bytes, with the omissions in `keep` not made.
 fn tile_report(lights: &str, spheres: &[&str], triangles: &[&str], keep: Keep) -> Report {
     let fillers = (0..FILLERS as i32).map(|i| format!("0.3  1 0.5 0.25  {} {} 20", i % 8 - 3, i as f32 / 8.0 - 2.0));
     let spheres: Vec<_> = fillers.chain(spheres.iter().map(|sphere| (*sphere).to_owned())).collect();
@@ -234,7 +235,7 @@ fn tile_report(lights: &str, spheres: &[&str], triangles: &[&str], keep: Keep) -
     Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
 }
 
-/// A text, unless it is empty.
+/// The text as a list; none if it is empty.
 fn one_or_none(text: &str) -> Vec<&str> {
     [text].into_iter().filter(|text| !text.is_empty()).collect()
 }
@@ -283,7 +284,7 @@ fn objects_without_a_pixel_are_counted_by_the_reason() {
 fn what_tiles_leave_out_is_counted() {
     let lamps = "2  1 1 1 1  -9 9 0  0 1 1 1  9 9 0";
     let report = tile_report(lamps, &[], &[], Keep::NOTHING);
-    // The fillers are in the middle of 3 x 4 tiles.
+    // The fillers are in the middle of a picture of 3 x 4 tiles.
     let tiles = report.tiles.unwrap();
     assert_eq!((tiles.objects, tiles.across, tiles.down), (FILLERS as u64, 3, 4));
     assert_eq!(count(&report, Omission::OtherTiles), FILLERS as u64 * 12 - tiles.placed);
@@ -302,8 +303,8 @@ fn what_tiles_leave_out_is_counted() {
     ] {
         assert_eq!(count(&report, omission), expected, "{omission:?}: {report:?}");
     }
-    // A sphere behind a wall is nearest nowhere; so are a hundred triangles, of which the wall's
-    // tiles set up none.
+    // A sphere behind a wall is nowhere the nearest object; nor are a hundred triangles, which are
+    // not even set up in the wall's tiles.
     let wall = "1 1 1  -99 -99 9  99 -99 9  0 99 9";
     let hidden = tile_report(lamps, &["1  1 1 1  0 0 20"], &[wall], Keep::NOTHING);
     assert!(count(&hidden, Omission::Unseen) > FILLERS as u64, "{hidden:?}");
@@ -311,22 +312,23 @@ fn what_tiles_leave_out_is_counted() {
     let triangles = vec!["1 1 1  -1 -1 20  1 -1 20  0 1 20"; 100];
     let hidden = tile_report(lamps, &[], &[&[wall][..], &triangles[..]].concat(), Keep::NOTHING);
     assert!(count(&hidden, Omission::Occluded) >= 100, "{hidden:?}");
-    // With all kept there is nothing but what has no other code, and other arithmetic.
+    // With all omissions kept, nothing is left out but work for which the code without the omission
+    // would have other arithmetic.
     let all = tile_report(lamps, &["1  1 1 1  -90 0 20"], &triangles, Keep::all());
     assert_eq!((all.kept.spheres, all.kept.triangles, all.kept.lights), (FILLERS + 1, 100, 1), "{all:?}");
     assert!(all.left_out.iter().all(|line| line.switch != Switch::Work), "{all:?}");
 }
 
-/// The borders of tiles, pixels and the picture on whole and half numbers: of `camera(96, 128, f,
-/// 160)` the ray of row and col is (col - 47.5, 63.5 - row, f), and tiles end at x = 16 and at y =
-/// 32, 0 and -32.
+/// A scene in which borders of tiles, of pixels and of the picture have coordinates that are
+/// multiples of 1/2: for `camera(96, 128, f, 160)` the ray of a row and column is (col - 47.5, 63.5
+/// - row, f), and tiles end at x = 16 and at y = 32, 0 and -32.
 fn on_tile_borders(rng: &mut Rng, (spheres, triangles): (usize, usize)) -> Scene {
     let focal = [8.0, 32.0, 128.0][(rng.next_u64() % 3) as usize];
     let pick = |rng: &mut Rng, from: &[f32]| from[(rng.next_u64() % from.len() as u64) as usize];
     let xs = [16.0, 15.5, 16.5, 47.5, -47.5, 48.0, -48.0, 48.5, -49.0, 0.0, -20.5, 31.0];
     let ys = [32.0, 31.5, 32.5, 0.0, 0.5, -0.5, -32.0, -31.5, 63.5, -63.5, 64.0, -64.0, 64.5, 17.0];
-    // Whole multiples of a ray are exact in f32, so that a corner is on the ray, or on the border,
-    // and not beside it.
+    // Integer multiples of a ray are exact in f32, so that the corner lies exactly on the ray, or
+    // on the border.
     let point =
         |rng: &mut Rng| pick(rng, &[1.0, 2.0, 3.0, 1.0, 4.0, -1.0]) * vec3(pick(rng, &xs), pick(rng, &ys), focal);
     let colours = [Vec3::ONE, Vec3::X, vec3(0.5, 0.5, 0.5), vec3(0.25, 1.0, 0.75), Vec3::ZERO];
@@ -334,8 +336,8 @@ fn on_tile_borders(rng: &mut Rng, (spheres, triangles): (usize, usize)) -> Scene
     let points: Vec<_> = (0..14).map(|_| point(rng)).collect();
     let corner = |rng: &mut Rng| points[(rng.next_u64() % points.len() as u64) as usize];
     let triangle = |rng: &mut Rng| Triangle { colour: colour(rng), vertices: [corner(rng), corner(rng), corner(rng)] };
-    // Around a point: up to a plane through a border of tiles or of the picture, or through another
-    // point.
+    // A sphere around a point, up to a plane through a border of tiles or of the picture, or
+    // through another point.
     let sphere = |rng: &mut Rng| {
         let (centre, other) = (point(rng), corner(rng));
         let plane = |at: f32, along: f32| (along * focal - at * centre.z).abs() / at.hypot(focal);
@@ -360,12 +362,13 @@ fn on_tile_borders(rng: &mut Rng, (spheres, triangles): (usize, usize)) -> Scene
 fn brute_force_makes_the_same_bytes_on_borders_of_tiles() {
     let seed = 43;
     let mut rng = Rng::new(seed);
-    // More in some tiles than are tried without a look at which of them others hide, and few.
+    // More objects in some tiles than are tried without finding out which of them are hidden; and
+    // few.
     let crowded = if extent::all() { 40 } else { 10 };
     let counts = [(crowded, (8, 80)), (20, (1, 0)), (20, (0, 2)), (40, (3, 5))];
     for (case, count) in counts.into_iter().flat_map(|(cases, count)| (0..cases).map(move |case| (case, count))) {
         let scene = Scene { shadows: case % 2 == 1, ..on_tile_borders(&mut rng, count) };
-        // With and without shadows.
+        // Both with and without shadows.
         if !extent::all() && case % 5 > 1 {
             continue;
         }

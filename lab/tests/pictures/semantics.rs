@@ -1,8 +1,7 @@
-//! The semantics that every tracer shares, line by line: each engine on scenes whose pictures are
-//! known beforehand.
+//! The semantics that all tracers share: each engine on scenes whose pictures are known in advance.
 //!
-//! Scenes that need exact arithmetic use the camera of [`grid`], whose rays have coordinates that
-//! f32 holds, and objects at whole numbers.
+//! Scenes that need exact arithmetic use the camera of [`grid`], whose rays f32 holds exactly, and
+//! objects with integer coordinates.
 
 use crate::contenders::{self, Contender, Truth, contenders, levels};
 use crate::extent;
@@ -19,13 +18,13 @@ fn camera(width: u32, height: u32, focal: f32, film: f32) -> Camera {
     Camera::new(width, height, focal, film).unwrap()
 }
 
-/// 12 x 16 pixels of side 1: the ray of row and col is (col - 5.5, 7.5 - row, focal) exactly, since
-/// with a relation of 3/4 the root of Algorithm 1 is 5/4.
+/// A camera of 12 x 16 pixels with side 1: the ray of a row and column is exactly (col - 5.5, 7.5 -
+/// row, focal), since for the aspect ratio 3/4 the root in Algorithm 1 is 5/4.
 fn grid(focal: f32) -> Camera {
     camera(12, 16, focal, 20.0)
 }
 
-/// One pixel: the ray (0, 0, 1).
+/// A camera of one pixel with the ray (0, 0, 1).
 fn one_ray() -> Camera {
     camera(1, 1, 1.0, 1.0)
 }
@@ -46,22 +45,22 @@ fn triangle(colour: Vec3, vertices: [Vec3; 3]) -> Triangle {
     Triangle { colour, vertices }
 }
 
-/// A triangle in the plane z = `z` that covers whatever [`grid`] and [`one_ray`] see of it.
+/// A triangle in the plane z = `z` that covers all that [`grid`] and [`one_ray`] see of the plane.
 fn wall(colour: Vec3, z: f32) -> Triangle {
     triangle(colour, [vec3(-64.0, -64.0, z), vec3(192.0, -64.0, z), vec3(-64.0, 192.0, z)])
 }
 
-/// A sphere that covers one ray, its pole at z = 4.
+/// A sphere that covers a single ray; its pole is at z = 4.
 fn ball(colour: Vec3) -> Sphere {
     sphere(1.0, colour, vec3(0.0, 0.0, 5.0))
 }
 
-/// The six orders of three vertices.
+/// The six permutations of three vertices.
 fn orders([a, b, c]: [Vec3; 3]) -> [[Vec3; 3]; 6] {
     [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [b, a, c], [a, c, b]]
 }
 
-/// The one colour of a scene of one ray.
+/// The colour of a scene with a single pixel.
 fn one(contender: &Contender, scene: &Scene) -> Vec3 {
     let [[r, g, b, _]] = contender.floats(scene)[..] else { panic!("not one pixel") };
     vec3(r, g, b)
@@ -74,8 +73,8 @@ fn assert_near(contender: &Contender, found: Vec3, expected: Vec3) {
     assert!(error <= bound, "{contender}: {found}, not {expected}");
 }
 
-/// The colours of a picture, each of which must be one of `colours` (or black) times some positive
-/// number: their names.
+/// The names of the colours in a picture. Each must be one of the named colours, or black, times a
+/// positive number.
 fn seen(contender: &Contender, scene: &Scene) -> Vec<char> {
     let name = |[r, g, b, _]: [f32; 4]| match [r > 0.0, g > 0.0, b > 0.0] {
         [false, false, false] => '.',
@@ -93,7 +92,7 @@ fn assert_all(contender: &Contender, scene: &Scene, name: char) {
     assert!(seen.iter().all(|seen| *seen == name), "{contender}: not all `{name}`: {}", String::from_iter(seen));
 }
 
-/// No float of a picture is NaN, and no fourth one other than 0.
+/// Asserts that no float of a picture is NaN and that the fourth of each pixel is 0.
 #[track_caller]
 fn assert_no_nan(contender: &Contender, scene: &Scene, what: &str) {
     for (i, [r, g, b, w]) in contender.floats(scene).into_iter().enumerate() {
@@ -118,7 +117,7 @@ fn each_pixel_looks_along_the_ray_of_the_camera_formula() {
     ];
     for (width, height, focal, film) in table {
         let camera = camera(width, height, focal, film);
-        // PAPER.md's formula, written out; each pixel gets a small sphere of its own on its ray.
+        // PAPER.md's formula; each pixel gets its own small sphere on its ray.
         let relation = f64::from(width) / f64::from(height);
         let film_height = f64::from(film) / (relation * relation + 1.0).sqrt();
         let film_width = relation * film_height;
@@ -139,8 +138,8 @@ fn each_pixel_looks_along_the_ray_of_the_camera_formula() {
         for contender in contenders() {
             for (i, ([r, g, b, _], expected)) in contender.floats(&scene).into_iter().zip(&expected).enumerate() {
                 // The light is at the camera: a ray that misses the centre by the share b of the
-                // radius sees the colour times sqrt(1 - b^2), nearly. 0.999 is a ray within a
-                // hundredth of a pixel of its place.
+                // radius sees about the colour times sqrt(1 - b^2). A result of 0.999 means a ray
+                // within a hundredth of a pixel.
                 let found = vec3(r, g, b);
                 let error = (found - *expected).abs().max_element();
                 assert!(error <= 1e-3, "{width}x{height}: {contender}: {found}, not {expected} at pixel {i}");
@@ -158,7 +157,7 @@ fn film_and_focal_distance_matter_by_their_ratio() {
         for contender in contenders() {
             let bytes = contender.bytes(&small);
             truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
-            // A power of two scales every ray exactly.
+            // Scaling by a power of two is exact for every ray.
             for factor in [2f32.powi(-40), 32.0, 2f32.powi(40)] {
                 let scaled = scene(factor, factor);
                 assert!(contender.floats(&scaled) == contender.floats(&paper), "{contender}: {factor} is not as 1");
@@ -188,7 +187,7 @@ fn a_camera_inside_a_sphere_sees_the_far_wall() {
         for (z, expected) in [(2.0 * far, 1.0), (far + 1e-2 * far, 1.0), (0.5 * far, 0.0), (-2.0 * far, 0.0)] {
             let mut scene = empty(one_ray());
             scene.spheres = vec![sphere(radius, WHITE, vec3(0.0, 0.0, centre))];
-            // The far wall's outside is the side away from the camera.
+            // The outside of the far wall faces away from the camera.
             scene.lights = vec![light(vec3(0.0, 0.0, z))];
             for contender in contenders() {
                 assert_near(&contender, one(&contender, &scene), Vec3::splat(expected));
@@ -199,8 +198,8 @@ fn a_camera_inside_a_sphere_sees_the_far_wall() {
 
 #[test]
 fn the_wall_of_a_sphere_behind_the_camera_hides_nothing() {
-    // The camera is inside the red sphere, whose near wall is behind it and whose far wall is
-    // behind the green one.
+    // The camera is inside the red sphere: its near wall is behind the camera, its far wall behind
+    // the green sphere.
     let mut scene = empty(grid(8.0));
     scene.lights = vec![light(Vec3::ZERO)];
     scene.spheres = vec![sphere(50.0, RED, Vec3::ZERO), sphere(1024.0, GREEN, vec3(0.0, 0.0, 1034.0))];
@@ -247,11 +246,11 @@ fn of_two_equal_spheres_the_first_is_seen() {
     }
 }
 
-/// Three vertices of a plane that is not parallel to the film, around all that [`grid`] sees at
+/// The vertices of a triangle that is not parallel to the film and covers all that [`grid`] sees at
 /// focal distance 16.
 const TILTED: [Vec3; 3] = [Vec3::new(-96.0, -96.0, 32.0), Vec3::new(96.0, -96.0, 64.0), Vec3::new(0.0, 96.0, 48.0)];
 
-/// That every contender sees the first of two triangles which are equally near.
+/// Asserts that every contender sees the first of two triangles that are equally near.
 fn the_first_is_seen(first: [Vec3; 3], second: [Vec3; 3]) {
     let mut scene = empty(grid(16.0));
     scene.lights = vec![light(Vec3::ZERO)];
@@ -274,8 +273,8 @@ fn first_of_equal_triangles_is_seen_in_any_vertex_order() {
 
 #[test]
 fn of_two_triangles_in_one_plane_the_first_is_seen() {
-    // Twice as large about a vertex, and turned half around the middle of a side: the same plane,
-    // other numbers.
+    // The triangle twice as large about a vertex, and rotated by half a turn about the middle of a
+    // side: the same plane with other numbers.
     let [a, b, c] = TILTED;
     let others = [[a, a + 2.0 * (b - a), a + 2.0 * (c - a)], [a - (b - a), a + 2.0 * (b - a), a + 3.0 * (c - a)]];
     for other in others {
@@ -287,16 +286,16 @@ fn of_two_triangles_in_one_plane_the_first_is_seen() {
 
 #[test]
 fn where_a_sphere_touches_a_triangle_the_sphere_is_seen() {
-    // 3 x 4 pixels of side 1: the ray of row 0, col 1 is (0, 1.5, 2), of length 2.5. The sphere
-    // about 10 times that ray with radius 5 is hit at its pole (0, 12, 16), t = 8, in whole numbers
-    // all the way.
+    // 3 x 4 pixels of side 1: the ray of row 0 and column 1 is (0, 1.5, 2), of length 2.5. A sphere
+    // about 10 times that ray, with radius 5, is hit at its pole (0, 12, 16) with t = 8; all
+    // intermediate results are integers.
     let mut scene = empty(camera(3, 4, 2.0, 5.0));
     scene.lights = vec![light(Vec3::ZERO)];
     scene.spheres = vec![sphere(5.0, RED, vec3(0.0, 15.0, 20.0))];
     scene.triangles = vec![wall(GREEN, 16.0)];
     for contender in contenders() {
         assert_eq!(seen(&contender, &scene)[1], 'r', "{contender}");
-        // A hair nearer, and it is the triangle.
+        // With a slightly nearer triangle the triangle is seen.
         let nearer = Scene { triangles: vec![wall(GREEN, 15.999)], ..scene.clone() };
         assert_eq!(seen(&contender, &nearer)[1], 'g', "{contender}");
     }
@@ -304,7 +303,7 @@ fn where_a_sphere_touches_a_triangle_the_sphere_is_seen() {
 
 #[test]
 fn edges_and_vertices_belong_to_a_triangle() {
-    // At z = 4 the rays of f = 2 pass through all odd whole numbers.
+    // At z = 4, rays at focal distance 2 pass through all odd integers.
     let vertices = [vec3(-3.0, -5.0, 4.0), vec3(9.0, -5.0, 4.0), vec3(-3.0, 7.0, 4.0)];
     let corner = [vec3(-11.0, 15.0, 4.0), vec3(-11.0, 13.0, 4.0), vec3(-9.0, 15.0, 4.0)];
     let expected = |row: i32, col: i32| {
@@ -326,7 +325,7 @@ fn edges_and_vertices_belong_to_a_triangle() {
     }
 }
 
-/// That no contender sees a triangle.
+/// Asserts that no contender sees a triangle.
 fn is_never_hit(vertices: [Vec3; 3]) {
     let mut scene = empty(grid(2.0));
     scene.lights = vec![light(Vec3::ZERO), light(vec3(5.0, 5.0, -5.0))];
@@ -339,7 +338,7 @@ fn is_never_hit(vertices: [Vec3; 3]) {
 
 #[test]
 fn a_triangle_of_no_area_is_never_hit() {
-    // Right on the rays of the grid at twice its focal distance.
+    // Points exactly on rays of the grid, at twice its focal distance.
     let (p, across, up) = (vec3(1.0, 1.0, 4.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 2.0, 0.0));
     let slope = vec3(2.0, 4.0, 1.0);
     let tenths = vec3(0.1, 0.3, 3.3);
@@ -348,7 +347,7 @@ fn a_triangle_of_no_area_is_never_hit() {
         flat.extend(orders([p, p + step, p + 3.0 * step]));
         flat.extend(orders([p - step, p - step, p + 2.0 * step]));
     }
-    // Not exactly in a line before the numbers were rounded, but after it.
+    // Collinear only after rounding to f32.
     flat.extend(orders([tenths, tenths * 2.0, tenths * 4.0]));
     flat.extend(orders([tenths, vec3(0.35, 0.55, 3.55), tenths]));
     flat.into_iter().for_each(is_never_hit);
@@ -357,12 +356,12 @@ fn a_triangle_of_no_area_is_never_hit() {
 #[test]
 fn triangle_seen_from_its_edge_is_never_hit() {
     let (v, w) = (vec3(3.0, 1.0, 2.0), vec3(-2.0, 3.0, 1.0));
-    // Around the camera, with the camera on an edge, at a vertex, and ahead of it.
+    // Around the camera, with the camera on an edge, at a vertex, and in front of the camera.
     for vertices in [[v, w, -v - w], [v, w, -v], [v, w, Vec3::ZERO], [v, w, v + w], [v, w, 4.0 * v]] {
         orders(vertices).into_iter().for_each(is_never_hit);
     }
-    // Numbers that take all of f32: -v and 2 v are exact, so that the plane passes through the
-    // camera exactly; v . n in f32 is 0 but for rounding.
+    // Numbers with all digits of f32: -v and 2 v are exact, so that the plane passes exactly
+    // through the camera, and v . n in f32 is 0 up to rounding.
     let mut rng = Rng::new(13);
     for _ in 0..200 {
         let mut point = || vec3(rng.between(-4.0, 4.0), rng.between(-4.0, 4.0), rng.between(-1.0, 4.0));
@@ -375,7 +374,7 @@ fn triangle_seen_from_its_edge_is_never_hit() {
 
 #[test]
 fn a_sphere_is_lit_from_outside_and_a_triangle_from_both_sides() {
-    // The coefficient is that of the angle at (0, 0, 4): 0.6 for a light at 3-4-5 from the axis.
+    // The cosine at (0, 0, 4) is 0.6 for a light in a 3-4-5 triangle with the axis.
     for (position, outside) in [(vec3(4.0, 0.0, 1.0), true), (vec3(4.0, 0.0, 7.0), false), (vec3(0.0, -4.0, 1.0), true)]
     {
         let mut scene = empty(one_ray());
@@ -424,7 +423,7 @@ fn several_lights_add_up() {
         Light { intensity: 0.5, colour: WHITE, position: vec3(0.0, -3.0, 0.0) },
         Light { intensity: 0.0, ..light(Vec3::ZERO) },
         Light { colour: Vec3::ZERO, ..light(Vec3::ZERO) },
-        // Of which the sphere gets nothing.
+        // A light without effect on the sphere.
         Light { intensity: 3.0, colour: BLUE, position: vec3(0.0, 0.0, 9.0) },
     ];
     for count in 0..=lights.len() {
@@ -447,14 +446,15 @@ fn light_does_not_fade_with_distance_and_nothing_casts_a_shadow() {
     for distance in [0.01, 1.0, 4.0, 100.0, 1e6] {
         let mut scene = empty(one_ray());
         scene.lights = vec![light(vec3(0.6, 0.0, -0.8) * distance + vec3(0.0, 0.0, 4.0))];
-        // In the way of every light but the nearest.
+        // A sphere between every light but the nearest and the surface.
         let block = sphere(0.25, RED, vec3(0.6, 0.0, -0.8) * 0.5 + vec3(0.0, 0.0, 4.0));
         for contender in contenders() {
             let ball = Scene { spheres: vec![ball(WHITE), block], ..scene.clone() };
             let wall = Scene { spheres: vec![block], triangles: vec![wall(WHITE, 4.0)], ..scene.clone() };
             for scene in [ball, wall] {
                 let found = one(&contender, &scene);
-                // The light's place and P are rounded at 4, which a near light sees large.
+                // The position of the light and P are rounded relative to 4, which matters more for
+                // a near light.
                 let bound = contender.shade_error(PixelFormat::F32x4) + 8.0 * f32::EPSILON / 2.0 * (4.0 / distance);
                 assert!((found - 0.8).abs().max_element() <= bound, "{contender}: {found} from {distance}");
             }
@@ -464,7 +464,7 @@ fn light_does_not_fade_with_distance_and_nothing_casts_a_shadow() {
 
 #[test]
 fn a_light_on_the_surface_contributes_nothing_and_no_nan() {
-    // The hit is (0, 0, 4) exactly, by ray (0, 0, 1) at t = 4.
+    // The hit is exactly (0, 0, 4), by the ray (0, 0, 1) at t = 4.
     let on = Light { intensity: 2.0, ..light(vec3(0.0, 0.0, 4.0)) };
     for (spheres, triangles) in [(vec![ball(WHITE)], vec![]), (vec![], vec![wall(WHITE, 4.0)])] {
         let mut scene = Scene { spheres, triangles, ..empty(one_ray()) };
@@ -475,8 +475,8 @@ fn a_light_on_the_surface_contributes_nothing_and_no_nan() {
             if contender.cancels() || contender.engine.name() == "reference" {
                 assert_eq!((alone, both), (Vec3::ZERO, Vec3::ONE), "{contender}");
             }
-            // Who computes P in another way has L = 0 but for rounding, and may then take any
-            // coefficient in [0, 1].
+            // Engines that compute P in another way have L = 0 up to rounding, and may then get any
+            // cosine in [0, 1].
             let slack = 3.0 * contender.shade_error(PixelFormat::F32x4);
             assert!((0.0..=2.0 + slack).contains(&alone.x), "{contender}: {alone}");
             assert!((1.0 - slack..=3.0 + slack).contains(&both.x), "{contender}: {both}");
@@ -508,7 +508,7 @@ fn what_is_too_bright_is_clamped_in_8_bits_and_kept_in_floats() {
 
 #[test]
 fn a_light_beyond_all_bounds_gives_no_nan() {
-    // 1e38 x 1e10 is infinite in f32; and a channel of 0 must stay 0.
+    // 1e38 x 1e10 overflows f32, and a channel of 0 must stay 0.
     for (intensity, colour) in [(1e38, vec3(1e10, 1.0, 0.0)), (f32::MAX, vec3(f32::MAX, 1e-38, 0.0))] {
         let bright = |position| Light { intensity, colour, position };
         let lights = vec![bright(Vec3::ZERO), bright(vec3(3.0, 1.0, 50.0)), bright(vec3(4.0, 4.0, 4.0))];
@@ -539,7 +539,7 @@ fn pictures_of_any_size_agree_with_the_reference() {
 fn no_scene_however_degenerate_gives_a_nan() {
     let seed = 16;
     let mut rng = Rng::new(seed);
-    /// A number of every size, of either sign, and often one that others have, too.
+    /// A number of any magnitude and sign, often one that occurs several times.
     fn number(rng: &mut Rng) -> f32 {
         const SPECIAL: [f32; 12] = [0.0, -0.0, 1.0, -1.0, 4.0, 1e-45, 1e-38, -1e-20, 1e15, -1e20, 1e30, f32::MAX];
         match rng.next_u64() % 4 {
@@ -551,7 +551,7 @@ fn no_scene_however_degenerate_gives_a_nan() {
     }
     for case in 0..if extent::all() { 20_000 } else { 2_000 } {
         let rng = &mut rng;
-        // One scale for a whole scene in some cases: tiny and huge ones, all of it.
+        // In some cases one scale for the whole scene, tiny or huge.
         let scale = if rng.next_u64().is_multiple_of(2) { 1.0 } else { 10f32.powf(rng.between(-40.0, 30.0)) };
         let mut coordinate = || {
             let number = if scale == 1.0 { number(rng) } else { rng.between(-3.0, 6.0) * scale };

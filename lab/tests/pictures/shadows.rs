@@ -1,5 +1,5 @@
-//! Shadows: scenes whose light is known beforehand, by every engine that has shadows, and those
-//! that have none.
+//! Shadows: scenes whose light is known in advance, by every engine with shadows, and by the
+//! engines without.
 
 use crate::contenders::{Contender, contenders, difference};
 use glam::{DMat3, DVec3, Vec3, vec3};
@@ -21,27 +21,27 @@ fn triangle(vertices: [Vec3; 3]) -> Triangle {
     Triangle { colour: WHITE, vertices }
 }
 
-/// Two triangles: a parallelogram from a corner along two sides.
+/// Two triangles that form a parallelogram with this corner and these sides.
 fn quad(corner: Vec3, [a, b]: [Vec3; 2]) -> [Triangle; 2] {
     [[corner, corner + a, corner + b], [corner + a + b, corner + a, corner + b]].map(triangle)
 }
 
-/// The plane y = -1 in front of the camera, and behind it.
+/// The plane y = -1, in front of the camera and behind it.
 fn ground() -> [Triangle; 2] {
     quad(vec3(-64.0, -1.0, -64.0), [vec3(128.0, 0.0, 0.0), vec3(0.0, 0.0, 128.0)])
 }
 
-/// A scene with shadows, of a film so wide that the view is right-angled.
+/// A scene with shadows and a film so wide that the field of view is a right angle.
 fn shadowed(width: u32, height: u32) -> Scene {
     Scene { shadows: true, ..Scene::new(Camera::new(width, height, 1.0, 2.5).unwrap()) }
 }
 
-/// The engines that have shadows.
+/// The contenders whose engines have shadows.
 fn casting() -> impl Iterator<Item = Contender> {
     contenders().into_iter().filter(|contender| contender.engine.has_shadows())
 }
 
-/// Which pixels have light.
+/// Whether each pixel is lit.
 fn lit(contender: &Contender, scene: &Scene) -> Vec<bool> {
     contender.floats(scene).into_iter().map(|[r, g, b, _]| r.max(g).max(b) > 0.0).collect()
 }
@@ -51,8 +51,8 @@ fn ray(scene: &Scene, pixel: usize) -> DVec3 {
     DVec3::from_array(scene.camera.grid::<f64>().ray((pixel / width) as u32, (pixel % width) as u32))
 }
 
-/// Holds which pixels have light against what is known of those along some rays: how many are dark,
-/// and how many bright.
+/// Compares which pixels are lit with what is known for some rays; returns the numbers of dark and
+/// of lit pixels among those.
 fn check_lit(contender: &Contender, scene: &Scene, known: impl Fn(DVec3) -> Option<bool>) -> [usize; 2] {
     let mut found = [0; 2];
     for (pixel, lit) in lit(contender, scene).into_iter().enumerate() {
@@ -63,7 +63,7 @@ fn check_lit(contender: &Contender, scene: &Scene, known: impl Fn(DVec3) -> Opti
     found
 }
 
-/// A mesh of a closed surface, turned so that nothing is along an axis, around the origin.
+/// A closed mesh around the origin, rotated so that nothing is parallel to an axis.
 fn closed(corners: impl Iterator<Item = [DVec3; 3]>) -> Vec<Triangle> {
     let turn = DMat3::from_rotation_x(0.4) * DMat3::from_rotation_y(0.7) * DMat3::from_rotation_z(1.1);
     corners.map(|corners| triangle(corners.map(|corner| (turn * corner).as_vec3()))).collect()
@@ -104,7 +104,8 @@ fn the_shadow_of_a_sphere_on_a_ground_is_the_conic_of_its_cone() {
                 let p = ray / -ray.y;
                 let beside = ray.dot(ray) * r2 < centre.cross(ray).length_squared();
                 let e = p - at;
-                // cos^2 of the angle to the axis, and that of the cone: in units of lengths^4.
+                // The squared cosines of the angle to the axis and of the cone's half angle, both
+                // multiplied by the same lengths to the fourth power.
                 let (along, cone) = (e.dot(axis).powi(2), e.length_squared() * (axis.length_squared() - r2));
                 let is_ground = ray.y < 0.0 && p.z <= 60.0 && beside;
                 (is_ground && (along - cone).abs() > 1e-4 * cone).then_some(along < cone)
@@ -114,8 +115,8 @@ fn the_shadow_of_a_sphere_on_a_ground_is_the_conic_of_its_cone() {
     }
 }
 
-/// Seen from the wall it is a hundred million radii away, where its distance squared has lost its
-/// radius.
+/// Seen from the wall the sphere is 10^8 radii away: its radius is lost in the rounding of the
+/// distance squared.
 #[test]
 fn the_shadow_of_a_sphere_far_away_is_as_large_as_that_is() {
     let (at, centre, radius) = (vec3(0.0, 3.2e8, -9.6e8), vec3(0.0, 1e7, -3e7), 0.3);
@@ -134,8 +135,8 @@ fn the_shadow_of_a_sphere_far_away_is_as_large_as_that_is() {
 
 #[test]
 fn the_shadow_of_a_sliver_is_its_projection() {
-    // It is at the camera's height, which does not see it, and so thin that its normal loses
-    // digits.
+    // The sliver is at the camera's height, so that it is seen edge-on, and so thin that its normal
+    // loses digits.
     let (at, thin) = (vec3(0.5, 3.0, 5.0), 0.0625);
     let mut scene = shadowed(403, 301);
     scene.lights = vec![light(at)];
@@ -144,7 +145,8 @@ fn the_shadow_of_a_sliver_is_its_projection() {
     for contender in casting() {
         let [dark, bright] = check_lit(&contender, &scene, |ray| {
             let p = ray / -ray.y;
-            // Where the segment to the light is as high as the sliver, and how far it is within.
+            // The point of the segment to the light at the sliver's height, and how far it is
+            // inside the sliver.
             let q = p + (at.as_dvec3() - p) / 4.0;
             let within = (q.z - 3.0).min(f64::from(thin) * (q.x + 8.0) / 16.0 + 3.0 - q.z).min(8.0 - q.x);
             (ray.y < 0.0 && p.z <= 60.0 && within.abs() > 1e-5).then_some(within < 0.0)
@@ -172,7 +174,7 @@ fn a_ground_of_any_size_hides_what_is_below_it() {
 
 #[test]
 fn what_is_between_hides_and_what_is_not_does_not() {
-    // The one pixel sees the wall at (0, 0, 4).
+    // The only pixel sees the wall at (0, 0, 4).
     let wall = triangle([vec3(-64.0, -64.0, 4.0), vec3(192.0, -64.0, 4.0), vec3(-64.0, 192.0, 4.0)]);
     let at = vec3(0.0, 4.0, 0.0);
     let across = |y: f32, z: f32| [vec3(-1.0, y - 1.0, z), vec3(1.0, y - 1.0, z), vec3(0.0, y + 1.0, z)];
@@ -214,7 +216,7 @@ fn what_is_between_hides_and_what_is_not_does_not() {
         for contender in casting() {
             assert_eq!(lit(&contender, &scene), [expected], "{contender}: {what}");
         }
-        // The law has no shadows.
+        // Without shadows (as in eq. 11) the pixel is lit in all cases.
         let scene = Scene { shadows: false, ..scene };
         assert!(contenders().iter().all(|contender| lit(contender, &scene) == [true]), "{what}");
     }
@@ -242,7 +244,7 @@ fn an_object_alone_has_no_shadow_but_on_its_own_back() {
             assert!(contender.floats(&scene) == *expected && plain != dark, "{contender}: a triangle under {at}");
         }
     }
-    // From inside a sphere, or from a point of it, nothing is seen that has light.
+    // From inside a sphere, or from a point on it, only unlit surfaces are seen.
     scene.triangles = vec![];
     scene.lights = [1.0, 4.0, 9.0].map(|z| light(vec3(0.0, 0.5, z))).to_vec();
     for (centre, radius) in [(1.0, 3.0), (4.0, 4.0)] {
@@ -277,7 +279,7 @@ fn closed_surface_lit_from_inside_lets_no_light_out() {
                     let lit = lit(&contender, &seen(at, position));
                     (lit.iter().all(|lit| *lit), lit.contains(&true))
                 };
-                // A rock has dents, which have shadows.
+                // The rock has dents, which cast shadows inside.
                 let (is_bright, has_light) = all(inside, from_inside);
                 assert!(is_bright || name == "rock" && has_light, "{contender}: in a {name} lit by {inside}");
                 assert!(!all(inside, 3.0 * towards).1, "{contender}: outside a {name} lit by {inside}");
@@ -289,8 +291,8 @@ fn closed_surface_lit_from_inside_lets_no_light_out() {
 
 #[test]
 fn triangles_are_asked_after_spheres_have_hidden_points() {
-    // In a tile of this scene the first triangle is farther than what spheres leave of the points,
-    // and others are not.
+    // In a tile of this scene the first triangle is farther than the points that spheres have left
+    // open, but other triangles are not.
     let contact = rayo_lab::families::FAMILIES.iter().find(|family| family.id == "H1").unwrap();
     let scene = contact.case(8, 1, 142).scene;
     let reference = casting().next().unwrap().floats(&scene);
@@ -316,7 +318,7 @@ fn shadows_only_take_light_away_and_engines_agree_on_where() {
             let pixels = contender.floats(&scene).into_iter().zip(contender.floats(&plain));
             let is_less = |(with, without): ([f32; 4], [f32; 4])| with.iter().zip(without).all(|(a, b)| *a <= b);
             assert!(pixels.clone().all(is_less), "{contender} makes light");
-            // At outlines and at edges of shadows the engines in f32 may differ.
+            // At outlines and edges of shadows, engines in f32 may differ.
             let differ = |(ours, truth): (&[u8; 3], &[u8; 3])| difference(*ours, *truth) > 1;
             let plain = contender.bytes(&plain).iter().zip(&without).filter(|pair| differ(*pair)).count();
             let differing = contender.bytes(&scene).iter().zip(&expected).filter(|pair| differ(*pair)).count();
@@ -339,14 +341,14 @@ fn lights_far_away_and_one_on_a_sphere_are_decided() {
         for distance in [1e8, 1e10, 1e15, 1e20, 1e30, 3e38] {
             scene.lights = vec![light(distance * sun)];
             let plain = Scene { shadows: false, ..scene.clone() };
-            // What an engine does not light without shadows it does not light with them.
+            // A pixel that is unlit without shadows is unlit with them.
             let sees = lit(&contender, &plain).contains(&true);
             let found = lit(&contender, &scene);
             let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
             assert!(if sees { differing <= 3 } else { !found.contains(&true) }, "{contender}: {distance}: {differing}");
         }
-        // On the pole of the sphere, as in every tangent plane, a light is hidden from nothing
-        // above it.
+        // A light at the pole of the sphere, and so in a tangent plane, is not hidden from any
+        // point above that plane.
         scene.lights = vec![light(vec3(0.0, 0.25, 4.0))];
         scene.triangles = quad(vec3(-9.0, 0.5, -9.0), [vec3(18.0, 0.0, 0.0), vec3(0.0, 0.0, 18.0)]).to_vec();
         let plain = contender.floats(&Scene { shadows: false, ..scene.clone() });
@@ -368,7 +370,7 @@ fn pictures_without_objects_or_with_many_lights_are_right() {
     for contender in casting() {
         assert!(!lit(&contender, &scene).contains(&true), "{contender}: no light");
     }
-    // A sum of pictures of one light each.
+    // The picture must be the sum of pictures with one light each.
     scene.lights = (0..1000).map(|i| i as f32).map(|i| light(vec3((i * 0.7).sin() * 9.0, 4.0, i * 0.01))).collect();
     for contender in casting() {
         let mut expected = vec![0.0; 31 * 23];
@@ -383,7 +385,7 @@ fn pictures_without_objects_or_with_many_lights_are_right() {
             assert!((f64::from(r) - sum).abs() <= bound, "{contender}: {r}, not {sum}");
         }
     }
-    // As many that a tile is traced in parts: some lights, each of them a thousand times.
+    // So many lights that a tile is traced in parts: a few lights, each repeated a thousand times.
     scene.lights.truncate(8);
     let dim = scene.lights.iter().map(|of| Light { intensity: of.intensity / 1024.0, ..*of });
     let parted = Scene { lights: dim.cycle().take(8192).collect(), ..scene.clone() };
@@ -394,8 +396,8 @@ fn pictures_without_objects_or_with_many_lights_are_right() {
     }
 }
 
-/// What the judge knows of scenes: that they have shadows, which a picture without them shows; most
-/// of them surely; and in few bits what it knows in 256.
+/// Checks the exact results of scenes with shadows: that there are shadows, that most pixels are
+/// certain, and that results in few bits agree with those in 256 bits.
 fn check_truth(what: &str, scenes: impl Iterator<Item = Scene>) {
     use rayo::internals::render::Precision;
     use rayo_lab::experiments::accuracy::errors::{Tally, margin_of};
@@ -435,8 +437,8 @@ fn the_judge_knows_of_every_family_of_shadows_what_light_it_has() {
     }
 }
 
-/// Of the sides of a needle the distance of a light from its plane is so small a share that it was
-/// taken for on the plane, and surely seen.
+/// A regression test: compared with the needle's sides, the distance of a light from its plane is
+/// so small that the light was taken to be on the plane, and so not hidden.
 #[test]
 fn the_judge_knows_on_which_side_of_a_needle_a_light_is() {
     let mut scene = Scene { shadows: true, ..Scene::new(Camera::new(42, 3, 565.0271, 1.0).unwrap()) };
@@ -463,12 +465,12 @@ fn the_judge_knows_on_which_side_of_a_needle_a_light_is() {
 
 #[test]
 fn what_is_lost_in_the_rounding_of_a_distance_hides_a_light_too() {
-    // A light in a sphere that is smaller than the last digit of its distance.
+    // A light in a sphere that is smaller than the last digit of the light's distance.
     let far = vec3(-6.0852505e17, 5.7437525e17, -1.6001564e17);
     let mut in_far_sphere = shadowed(12, 12);
     in_far_sphere.lights = vec![light(far)];
     in_far_sphere.spheres = vec![sphere(1.0, far), sphere(4.0, vec3(0.0, 0.0, 9.0))];
-    // A light and points at the corners of triangles of 10^13 times their distance.
+    // A light and points at the corners of triangles whose size is 10^13 times their distance.
     let mut at_corners = Scene { shadows: true, ..Scene::new(Camera::new(12, 12, 0.5, 1.0).unwrap()) };
     at_corners.lights = vec![light(vec3(8.880835e-12, 8.010328e-13, 1.4558004e-11))];
     at_corners.spheres = vec![sphere(8.7072325e-13, vec3(8.408785e-12, 5.0689064e-13, 1.533776e-11))];

@@ -1,5 +1,5 @@
-//! Stiff and extreme scenes: the packets against the truth, and against themselves turned and
-//! scaled.
+//! Ill-conditioned and extreme scenes: packets compared with exact results, and with themselves on
+//! rotated and scaled scenes.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ use rayo_lab::experiments::accuracy::{Contender, contenders, judge};
 use rayo_lab::families::{Case, FAMILIES, Family, family};
 use rayo_lab::truth::Truth;
 
-/// The side of a case's picture here: `rayo stability` has the large ones.
+/// The side of a picture in these tests. `rayo stability` traces larger ones.
 const SIDE: u32 = 18;
 const SEED: u64 = 5;
 
@@ -22,7 +22,7 @@ fn is_packet(contender: &Contender) -> bool {
     contender.engine.is_packet()
 }
 
-/// The engines that have to be right everywhere.
+/// The contenders that must be right everywhere.
 fn robust() -> Vec<Contender> {
     contenders()
         .into_iter()
@@ -30,11 +30,11 @@ fn robust() -> Vec<Contender> {
         .collect()
 }
 
-/// A case of each level of a family, the variants in turn.
+/// A case of each level of a family, with the variants alternating.
 fn cases(family: &'static Family) -> impl Iterator<Item = Case> {
     let variants = family.variants.len();
     let case = move |level: usize| family.case(level * variants + level % variants, SEED, SIDE);
-    // Large pictures of odd sizes have a test of their own.
+    // Large pictures with odd sizes are covered by another test.
     (0..family.levels.len()).map(case).filter(|case| case.valid && case.scene.camera.pixels() <= 2000)
 }
 
@@ -42,7 +42,8 @@ fn prepare<'a>(contender: &Contender, scene: &'a Scene) -> Box<dyn Tracer + 'a> 
     contender.engine.prepare(Some(contender.precision), scene).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The bits of its floats and, where it writes some, its bytes, by this thread alone.
+/// The bits of the picture's floats and, if the engine writes bytes, its bytes, traced by this
+/// thread alone.
 fn picture(contender: &Contender, scene: &Scene) -> (Vec<[u32; 4]>, Vec<[u8; 4]>) {
     traced(prepare(contender, scene).as_ref(), scene)
 }
@@ -60,7 +61,8 @@ fn traced(tracer: &dyn Tracer, scene: &Scene) -> (Vec<[u32; 4]>, Vec<[u8; 4]>) {
     (floats, bytes)
 }
 
-/// Nothing wrong outside of the margin, no hole, t within its bound.
+/// Asserts that nothing outside of the margin is wrong, that no pixel is missing, and that t is
+/// within its bound.
 fn check(scene: &Scene, covered: bool, contenders: &[Contender], what: &str) {
     for judged in judge(scene, contenders).unwrap_or_else(|error| panic!("{what}: {error}")) {
         let (errors, Contender { engine, precision, .. }) = (judged.errors, judged.entry.contender);
@@ -68,7 +70,7 @@ fn check(scene: &Scene, covered: bool, contenders: &[Contender], what: &str) {
         assert_eq!((errors.wrong_hits, errors.wrong_objects, errors.off_by_2), (0, 0, 0), "{who}");
         assert!(!covered || errors.wrong_hits_inside == 0, "a hole: {who}");
         if precision == Precision::Double {
-            // Floats round what f64 has made, and that alone can be a level.
+            // Engines in f64 only round their result to f32, which alone can change a level.
             assert!(!judged.entry.output.is_8bit() || errors.off_by_1 == 0, "{who}");
         }
         assert!(errors.bound_share.is_none_or(|share| share <= 1.0), "{who}");
@@ -123,8 +125,8 @@ fn operations_alone_keep_their_bounds_over_their_range() {
     let families: Vec<_> = FAMILIES.iter().collect();
     let rows = operations::sweep(&families, SEED, true);
     for row in &rows {
-        // Without FMA a far sphere's cross product is rounded twice, and no more right than half of
-        // b is.
+        // Without FMA the cross product for a far sphere is rounded twice, and is no more accurate
+        // than b/2 is.
         let known = row.engine == "sse41" && row.family == "S1";
         assert!(row.wrong_hits == 0 || known, "{row:?}");
         assert!(row.bound.is_none_or(|share| share <= 1.0) || known, "{row:?}");
@@ -132,7 +134,7 @@ fn operations_alone_keep_their_bounds_over_their_range() {
         assert_eq!(row.worst.is_none(), ["N1", "T6"].contains(&&*row.family), "{row:?}");
         assert_eq!(row.holes.is_some(), row.family == "T6", "{row:?}");
     }
-    // One arithmetic class finds the same, digit by digit.
+    // Engines of one arithmetic class have exactly the same errors.
     for row in rows.iter().filter(|row| row.engine == "avx2") {
         let same = |other: &&OperationRow| {
             (&other.family, &other.operation, &other.precision) == (&row.family, &row.operation, &row.precision)
@@ -156,7 +158,8 @@ fn a_scene_scaled_by_a_power_of_two_has_the_same_bytes() {
         for case in extent::sampled(cases(family(id).unwrap()).step_by(2), 2) {
             for exponent in [-40, -7, 1, 23, 40] {
                 let other = case.scene.scaled(2f32.powi(exponent));
-                // A number at the end of the range of f32 cannot be scaled by that much, and back.
+                // Skip scenes with numbers near the limits of f32, which cannot be scaled by that
+                // factor and back.
                 if other.scaled(2f32.powi(-exponent)) != case.scene {
                     continue;
                 }
@@ -212,14 +215,14 @@ fn engines_of_one_arithmetic_class_agree_to_the_last_bit() {
 fn nothing_depends_on_denormal_numbers() {
     for family in FAMILIES {
         for case in extent::sampled(cases(family), 5) {
-            // Rust is not to be run without them.
+            // Only for kernels in assembly: Rust assumes that denormals are not flushed.
             let in_assembly = |c: &&Contender| is_packet(c) && c.engine.name() != "portable";
             for contender in contenders().iter().filter(in_assembly) {
                 let found = picture(contender, &case.scene);
                 let without = rayo::internals::kernels::harness::without_denormals(|| picture(contender, &case.scene));
                 let what = format!("{} case {}, seed {SEED}", case.family, case.index);
                 assert!(found.1 == without.1, "{what}: bytes of {} in {}", contender.engine, contender.precision);
-                // A float may be denormal itself.
+                // The result itself may be a denormal float.
                 let flushed =
                     |pixel: &[u32; 4]| pixel.map(|bits| if bits < f32::MIN_POSITIVE.to_bits() { 0 } else { bits });
                 let same = found.0.iter().zip(&without.0).all(|(a, b)| flushed(a) == flushed(b));
@@ -238,7 +241,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Any distance from inside to 10^7 radii, any radius, any direction off the axis that the
-    /// picture sees.
+    /// camera sees.
     #[test]
     fn a_sphere_is_hit_within_its_bound(
         exponent in -0.3f32..7.0, size in -18f32..18.0, x in -1f32..1.0, y in -1f32..1.0, light in 0.1f32..3.0,
@@ -253,7 +256,7 @@ proptest! {
         check(&scene, false, &robust(), &format!("{scene:?}"));
     }
 
-    /// Any shape from slivers to large ones, at any distance, tilted by any angle.
+    /// Any shape from slivers to large triangles, at any distance and with any tilt.
     #[test]
     fn a_triangle_is_hit_within_its_bound(
         corners in prop::array::uniform9(-1f32..1.0), thin in -6f32..0.0, distance in -1f32..6.0, size in -18f32..18.0,
@@ -269,7 +272,7 @@ proptest! {
     }
 }
 
-/// Whether two numbers are the same but for that share of the larger, or of 1 where that is more.
+/// Whether two numbers differ by at most this share of the larger one, or of 1 if that is larger.
 fn near(a: f64, b: f64, share: f64) -> bool {
     a == b || (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0)
 }
@@ -279,7 +282,7 @@ fn truth_in_few_bits_is_that_in_1024_where_sure() {
     let (mut pixels, mut sure, mut hits) = (0, 0, 0);
     for (seed, scene) in mixtures::scenes(150).enumerate() {
         let truth = Truth::new(&scene);
-        // Some of the pixels, in another order in every picture.
+        // A subset of the pixels, in a different order in every picture.
         let step = 7 + seed % 5;
         let all = (0..scene.camera.height()).flat_map(|row| (0..scene.camera.width()).map(move |col| (row, col)));
         for (row, col) in all.step_by(step) {

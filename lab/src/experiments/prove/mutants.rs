@@ -31,7 +31,7 @@ pub struct Mutant {
 
 /// The outcome for a mutant.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fate {
+pub enum MutantOutcome {
     /// Random inputs were found on which it differs from the twin.
     Refuted,
     /// Its expressions differ from the twin's, but no random input showed a difference.
@@ -136,15 +136,15 @@ fn of_instruction(address: u64, code: &[u8], length: usize, bit: usize) -> Optio
 ///
 /// # Panics
 /// If it is proved and yet differs on some input, which means that the prover is wrong.
-pub fn fate(subject: &Subject, mutant: &Mutant) -> Fate {
+pub fn fate(subject: &Subject, mutant: &Mutant) -> MutantOutcome {
     let program = Program { patch: [(mutant.address, mutant.byte)].into(), ..Program::default() };
     match prove_in(subject, &program).verdict {
-        Verdict::Differs(Some(_)) => Fate::Refuted,
-        Verdict::Differs(None) => Fate::Differs,
-        Verdict::Unproved(why) => Fate::Unreadable(why),
+        Verdict::Differs(Some(_)) => MutantOutcome::Refuted,
+        Verdict::Differs(None) => MutantOutcome::Differs,
+        Verdict::Unproved(why) => MutantOutcome::Unreadable(why),
         Verdict::Proved => {
             assert!(agrees(subject, &program), "{}: {} is proved, and differs", subject.symbol, mutant.change);
-            Fate::Equivalent(mutant.kind.unwrap_or_else(|| equivalence(subject, &program)))
+            MutantOutcome::Equivalent(mutant.kind.unwrap_or_else(|| equivalence(subject, &program)))
         }
     }
 }

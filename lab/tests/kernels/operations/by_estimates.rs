@@ -1,5 +1,5 @@
-//! The shade of the closed form by the worst estimates of roots that any CPU may give: the twin,
-//! fed with them.
+//! The closed form's shade with the worst estimates of roots that any CPU may give: its twin in
+//! Rust is given such estimates.
 
 use rayo::internals::kernels::{LitRow, LitRows, LitSphere, Plain};
 use rayo::internals::plan::{Keep, LitForm, Scale};
@@ -9,27 +9,27 @@ use rayo_lab::experiments::accuracy::{ESTIMATES, expect};
 use rayo_lab::families::FAMILIES;
 use rayo_lab::truth::TruePixel;
 
-/// The documented error of `rsqrtps`, of what it should be.
+/// The documented largest relative error of `rsqrtps`.
 const ERROR: f64 = 1.5 / 4096.0;
-/// The same of `vrsqrt14ps`.
+/// The documented largest relative error of `vrsqrt14ps`.
 const ERROR_14: f64 = 1.0 / 16384.0;
-/// By how many errors the first and the second estimate of a pixel are off, those of further lights
-/// by turns: too large and too small, together and against each other, and neither.
+/// The errors of the first and second estimate for a pixel (for further lights they alternate), in
+/// units of the largest error: too large or too small, in the same or opposite direction, or exact.
 const ADVERSARIES: [[f64; 2]; 9] =
     [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [0.0, 0.0]];
-/// What f32 adds to the estimates' own error, in levels.
+/// The error in levels that rounding to f32 adds to that of the estimates.
 const ROUNDING: f64 = 0.02;
-/// Within this of an edge, or of a second hit, f32 may answer either way.
+/// Within this margin of an outline or of a second hit, f32 may decide either way.
 const MARGIN: f64 = 2e-6;
 
-/// Estimates that are off as one of [`ADVERSARIES`] wants.
+/// Estimates with the errors of one of [`ADVERSARIES`].
 fn adversary(error: f64, signs: [f64; 2]) -> impl FnMut(f32) -> f32 {
     let mut turns = signs.into_iter().cycle();
     move |x| ((1.0 + error * turns.next().expect("they come again")) / f64::from(x).sqrt()) as f32
 }
 
-/// SPHERE_LIT in f32 with estimates, which `rsqrt` gives. An edge packet takes p for `least` where
-/// it is less.
+/// SPHERE_LIT in f32 with the estimates that `rsqrt` returns. In an edge packet p is at least
+/// `least`.
 fn lit_by_estimates(
     fused: bool,
     sphere: &LitSphere<f32>,
@@ -48,7 +48,7 @@ fn lit_by_estimates(
     [sphere.red, sphere.green, sphere.blue].map(|weight| light * weight)
 }
 
-/// What came of it.
+/// The result of the comparison.
 #[derive(Default)]
 struct Found {
     /// The largest error in levels.
@@ -61,7 +61,7 @@ impl Found {
     fn check(&mut self, (scene, name): (&Scene, &str), expected: &[TruePixel], fused: bool, error: f64) {
         let Some(form) = LitForm::of::<f32>(scene, Keep::NOTHING) else { return };
         let sphere = form.sphere(Scale::Levels).round();
-        // An error of so much more or less than rsqrtps's.
+        // The allowed error, in proportion to that of rsqrtps.
         let most = ESTIMATES * error / ERROR + ROUNDING;
         let mut rows = LitRows::ZERO;
         for row in 0..scene.camera.height() {
@@ -100,8 +100,8 @@ impl Found {
     }
 }
 
-/// A far sphere under a light right in front of it, so near that its short form is only just one:
-/// where estimates do the most.
+/// A far sphere under a light directly in front of it, just far enough away that the short form is
+/// used: the case in which estimates matter most.
 fn just_short() -> Scene {
     let sphere =
         Sphere { centre: glam::Vec3::new(0.0, 0.0, 100.0), radius: 1.0, colour: glam::Vec3::new(0.95, 0.9, 0.5) };
@@ -137,7 +137,7 @@ fn estimates_of_any_cpu_stay_within_documented_levels() {
         }
         let Found { worst, pixels, off_by_1 } = found;
         println!("estimates off by {error:.2e}: {worst} levels at most, of {pixels} pixels, {off_by_1} off by one");
-        // They are felt nearly as much as is documented.
+        // The errors nearly reach the documented bound.
         assert!(off_by_1 > 10 && pixels > 1000, "{off_by_1} of {pixels}");
         assert!(worst > 0.75 * ESTIMATES * error / ERROR, "{worst}");
     }

@@ -1,7 +1,7 @@
-//! The operations on packets: each against its scalar twin to the last bit.
+//! The operations on packets, each compared with its scalar twin to the last bit.
 //!
-//! Against exact numbers over whole families of objects they are in
-//! lab/tests/pictures/stability.rs.
+//! lab/tests/pictures/stability.rs compares them with exact numbers, over whole families of
+//! objects.
 
 use std::fmt::Debug;
 
@@ -11,7 +11,7 @@ use rayo_lab::experiments::check::operation_on_packets;
 
 use crate::kernel_cases::seed;
 
-/// Calls with packets of each source of numbers.
+/// The number of calls with packets from each source of numbers.
 const CASES: u32 = 300;
 
 fn all_equal_their_twins<E: PacketElement + Number + Debug>(seed: u64) {

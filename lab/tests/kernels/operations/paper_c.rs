@@ -14,7 +14,7 @@ type Vector = Lanes;
 
 const ORIGIN: Vector = [0.0; 4];
 
-/// What the operation `name` makes of `input`, a scalar in the first lane.
+/// The result of the operation `name` for `input`; a scalar is in the first lane.
 pub fn op(name: &str, input: &Input) -> Lanes {
     let scalar = |x| [x, 0.0, 0.0, 0.0];
     match (name, *input) {
@@ -63,7 +63,7 @@ fn point_on(ray: Vector, t: f32) -> Vector {
     add(ORIGIN, scale(ray, t))
 }
 
-/// The smallest root t > 0 of eq. 5, infinity for none.
+/// The smallest root t > 0 of eq. 5; infinity if there is none.
 pub fn sphere(ray: Vector, s: &Sphere) -> f32 {
     let from_centre = sub(ORIGIN, s.centre);
     let a = dot(ray, ray);
@@ -87,7 +87,7 @@ pub fn plane_normal(s: &Triangle) -> Vector {
     cross(sub(v1, v2), sub(v1, v3))
 }
 
-/// The t > 0 of eq. 9 where eq. 10 holds for each edge, infinity for none.
+/// The t > 0 of eq. 9 if eq. 10 holds for each edge; otherwise infinity.
 pub fn triangle(ray: Vector, s: &Triangle) -> f32 {
     let [v1, v2, v3] = s.vertices;
     let n = plane_normal(s);
@@ -115,7 +115,7 @@ pub fn lambert(sides: u32, surface: &Surface, light: &Light) -> Vector {
     }
 }
 
-/// Algorithm 1 for one ray: the colour of its pixel, which begins as `pixel`.
+/// Algorithm 1 for one ray: the colour of its pixel; `pixel` is the background.
 pub fn trace(ray: Vector, lights: &[Light], spheres: &[Sphere], triangles: &[Triangle], mut pixel: Vector) -> Vector {
     let shade =
         |sides, surface: Surface| lights.iter().fold([0.0; 4], |sum, light| add(sum, lambert(sides, &surface, light)));
