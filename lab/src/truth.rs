@@ -78,7 +78,7 @@ struct Light {
 }
 
 /// An object in f64, with the values needed to exclude it.
-enum Quick {
+enum F64Object {
     Sphere { centre: DVec3, radius: f64, k: f64 },
     Triangle { vertices: [DVec3; 3], edges: [DVec3; 3], sizes: [DVec3; 3] },
 }
@@ -90,7 +90,7 @@ enum Shape<N> {
 
 struct Body {
     object: Object,
-    quick: Quick,
+    quick: F64Object,
     /// The shape in numbers with error bounds; None if these cannot represent it with certainty.
     bounded: Option<Shape<Bounded>>,
     /// The shape in 1024 bits, made when it is first needed.
@@ -121,7 +121,7 @@ struct FirstHit<'a, N> {
 
 /// What a ray hits first, if anything, and the distance from another result; see
 /// [`TruePixel::margin`].
-struct Answer<'a, N> {
+struct HitAndMargin<'a, N> {
     first: Option<FirstHit<'a, N>>,
     margin: f64,
 }
@@ -231,7 +231,7 @@ impl Truth {
     {
         let meet = |&body: &usize| Some(BodyMeeting { body, meeting: shape(&self.bodies[body])?.meet(ray)? });
         let meetings = near.iter().map(meet).collect::<Option<Vec<_>>>()?;
-        let Answer { first, margin } = self.first(&meetings)?;
+        let HitAndMargin { first, margin } = self.first(&meetings)?;
         let hit = match first {
             Some(first) => Some(self.hit(&first, shape(&self.bodies[first.body])?, ray)?),
             None => None,
@@ -240,7 +240,7 @@ impl Truth {
     }
 
     /// The first object that the ray hits, and the distance from another result.
-    fn first<'a, N: Number>(&self, meetings: &'a [BodyMeeting<N>]) -> Option<Answer<'a, N>>
+    fn first<'a, N: Number>(&self, meetings: &'a [BodyMeeting<N>]) -> Option<HitAndMargin<'a, N>>
     where
         for<'n> &'n N: Operations<N>,
     {
@@ -275,7 +275,7 @@ impl Truth {
             };
             margin = margin.min(change);
         }
-        Some(Answer { first, margin })
+        Some(HitAndMargin { first, margin })
     }
 
     /// The true values of a hit on this shape; None if a number is not known accurately enough.
@@ -359,8 +359,8 @@ impl Truth {
         for (seen, light) in lights.iter_mut().zip(&self.lights) {
             if at.body.facing(seen.cosine) > 0.0 {
                 let is_behind = match &at.body.quick {
-                    Quick::Sphere { centre, radius, .. } => geometry::power(*centre, *radius) <= 0.0,
-                    Quick::Triangle { .. } => seen.cosine * before < 0.0,
+                    F64Object::Sphere { centre, radius, .. } => geometry::power(*centre, *radius) <= 0.0,
+                    F64Object::Triangle { .. } => seen.cosine * before < 0.0,
                 };
                 let hidden =
                     if is_behind { f64::INFINITY } else { self.hidden(at.body.object, &at.point, light, at.units)? };
@@ -434,7 +434,7 @@ impl Body {
         }
         Some(Body {
             object: Object::Sphere(i),
-            quick: Quick::Sphere { centre, radius, k: centre.dot(centre) - radius * radius },
+            quick: F64Object::Sphere { centre, radius, k: centre.dot(centre) - radius * radius },
             bounded: shapes::Sphere::new(centre.into(), radius).map(Shape::Sphere),
             exact: OnceLock::new(),
             colour: sphere.colour.as_dvec3(),
@@ -463,7 +463,7 @@ impl Body {
         });
         Some(Body {
             object: Object::Triangle(i),
-            quick: Quick::Triangle { vertices, edges, sizes },
+            quick: F64Object::Triangle { vertices, edges, sizes },
             bounded,
             exact: OnceLock::new(),
             colour: triangle.colour.as_dvec3(),
@@ -474,10 +474,10 @@ impl Body {
 
     fn exact(&self) -> &Shape<Exact> {
         self.exact.get_or_init(|| match &self.quick {
-            Quick::Sphere { centre, radius, .. } => {
+            F64Object::Sphere { centre, radius, .. } => {
                 Shape::Sphere(shapes::Sphere::new((*centre).into(), *radius).expect("it has a radius"))
             }
-            Quick::Triangle { vertices, .. } => {
+            F64Object::Triangle { vertices, .. } => {
                 let triangle = shapes::Triangle::new(vertices.map(Into::into));
                 Shape::Triangle(Box::new(triangle.expect("it can be hit")))
             }
@@ -485,12 +485,12 @@ impl Body {
     }
 }
 
-impl Quick {
+impl F64Object {
     /// Whether the ray certainly misses the object: neither rounding errors nor a margin below
     /// [`FAR`] could make it a hit. Numbers that are not finite exclude nothing.
     fn certainly_missed(&self, d: DVec3, reach: DVec3) -> bool {
         match self {
-            Quick::Sphere { centre, radius, k } => {
+            F64Object::Sphere { centre, radius, k } => {
                 // The ray's distance from the centre, |c x d| / |d|, compared with the radius.
                 let squared = d.dot(d) * radius * radius;
                 let across = centre.cross(d).length();
@@ -500,7 +500,7 @@ impl Quick {
                 let outside = *k > ROUNDING * centre.dot(*centre);
                 outside && (far || behind)
             }
-            Quick::Triangle { edges, sizes, .. } => edges.iter().zip(sizes).any(|(edge, size)| {
+            F64Object::Triangle { edges, sizes, .. } => edges.iter().zip(sizes).any(|(edge, size)| {
                 let doubt = FAR * edge.abs().dot(reach) + ROUNDING * size.dot(reach);
                 edge.dot(d) < -doubt
             }),

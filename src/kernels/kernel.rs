@@ -27,7 +27,7 @@ impl<E> Kind for PhantomData<E> {
 
 /// A kernel of the kind `K`: foreign code or a function in Rust.
 pub struct Kernel<K: Kind> {
-    way: Way<Code, K::Function>,
+    way: Callee<Code, K::Function>,
     symbol: &'static str,
 }
 
@@ -41,7 +41,7 @@ impl<K: Kind> Copy for Kernel<K> {}
 
 /// The implementation of a kernel: code that takes registers, or a function in Rust.
 #[derive(Clone, Copy)]
-pub(super) enum Way<C, B> {
+pub(super) enum Callee<C, B> {
     Code(C),
     Rust(B),
 }
@@ -111,11 +111,11 @@ impl<K: Kind> Kernel<K> {
     /// `code` takes the arguments that `kinds!` defines for `K`, and is only handed out if the CPU
     /// supports it.
     pub(super) const unsafe fn new(code: Code, symbol: &'static str) -> Self {
-        Kernel { way: Way::Code(code), symbol }
+        Kernel { way: Callee::Code(code), symbol }
     }
 
     pub(super) const fn in_rust(function: K::Function, symbol: &'static str) -> Self {
-        Kernel { way: Way::Rust(function), symbol }
+        Kernel { way: Callee::Rust(function), symbol }
     }
 
     /// The symbol of the kernel's code.
@@ -133,11 +133,11 @@ impl<K: Kind> Kernel<K> {
     /// # Safety
     /// Code is called with registers that hold the arguments of the kernel's kind.
     #[inline]
-    pub(super) unsafe fn way(&self) -> Way<impl FnOnce(Registers) -> u64, K::Function> {
+    pub(super) unsafe fn way(&self) -> Callee<impl FnOnce(Registers) -> u64, K::Function> {
         match self.way {
             // SAFETY: the caller keeps this function's contract, which is that of enter().
-            Way::Code(code) => Way::Code(move |registers| unsafe { enter(code, self.symbol, registers) }),
-            Way::Rust(function) => Way::Rust(function),
+            Callee::Code(code) => Callee::Code(move |registers| unsafe { enter(code, self.symbol, registers) }),
+            Callee::Rust(function) => Callee::Rust(function),
         }
     }
 }
@@ -145,7 +145,7 @@ impl<K: Kind> Kernel<K> {
 impl<K: Kind<Function = Infallible>> Kernel<K> {
     fn code(&self) -> Code {
         let way = self.way;
-        let Way::Code(code) = way;
+        let Callee::Code(code) = way;
         code
     }
 
@@ -339,7 +339,7 @@ macro_rules! kinds {
             impl $(<$($parameter $(: $bound)?),+>)? $kind $(<$($parameter),+>)? {
                 fn with(
                     $($argument: $type,)*
-                    $way: $crate::kernels::kernel::Way<
+                    $way: $crate::kernels::kernel::Callee<
                         impl FnOnce($crate::kernels::checked::Registers) -> u64,
                         function!($($function)?),
                     >,

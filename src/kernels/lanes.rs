@@ -5,7 +5,7 @@ use std::iter::repeat_n;
 use std::ops::Range;
 
 use super::isa::Isa;
-use super::kernel::{Way, function, kernel, kinds, reads, writes};
+use super::kernel::{Callee, function, kernel, kinds, reads, writes};
 use super::records::{LaneLists, ObjectLight, SphereHit, TriangleHit};
 use super::types::{Frame, Vec4};
 
@@ -78,7 +78,7 @@ kinds! {
     /// # Panics
     /// If `out` does not have `frame.width` times the number of rows pixels.
     fn call(frame: &Frame, objects: &LaneObjects, rows: Range<u32>, out: &mut [Vec4]); |way| {
-        let Way::Code(enter) = way;
+        let Callee::Code(enter) = way;
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         if pixels > 0 {

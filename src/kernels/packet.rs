@@ -2,7 +2,7 @@
 
 use std::ptr;
 
-use super::kernel::{Way, function, kinds, reads, writes};
+use super::kernel::{Callee, function, kinds, reads, writes};
 use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere};
 use super::types::bytes;
 
@@ -29,8 +29,8 @@ kinds! {
             // LIT_ROWS is a multiple of the lanes of every packet, so that there is room for the
             // last packet of rows.
             match way {
-                Way::Code(enter) => _ = enter([reads(setup), first.into(), count as u64, writes(rows), 0, 0]),
-                Way::Rust(find) => find(setup, first, count, rows),
+                Callee::Code(enter) => _ = enter([reads(setup), first.into(), count as u64, writes(rows), 0, 0]),
+                Callee::Rust(find) => find(setup, first, count, rows),
             }
         }
     }
@@ -54,7 +54,7 @@ kinds! {
                 assert!(start >= 0.0 && columns.contains(&end), "columns {start} to {end} of {width}");
             }
             match way {
-                Way::Code(enter) => {
+                Callee::Code(enter) => {
                     let call = |out| {
                         enter([reads(sphere), reads(rows), count as u64, out, width as u64, streaming.into()]);
                     };
@@ -70,7 +70,7 @@ kinds! {
                         unsafe { ptr::copy_nonoverlapping(bytes(&numbers).as_ptr(), to, 4 * numbers.len()) };
                     }
                 }
-                Way::Rust(shade) => shade(sphere, rows, out, width),
+                Callee::Rust(shade) => shade(sphere, rows, out, width),
             }
         }
     }
@@ -86,8 +86,8 @@ kinds! {
         assert_eq!(four.len(), three.len(), "each pixel is made from one");
         if !three.is_empty() {
             match way {
-                Way::Code(enter) => _ = enter([reads(four), writes(three), three.len() as u64, 0, 0, 0]),
-                Way::Rust(narrow) => narrow(four, three),
+                Callee::Code(enter) => _ = enter([reads(four), writes(three), three.len() as u64, 0, 0, 0]),
+                Callee::Rust(narrow) => narrow(four, three),
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kernel::{Way, function, kinds, reads, writes};
+use super::kernel::{Callee, function, kinds, reads, writes};
 use super::records::Lists;
 use super::types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
 
@@ -12,7 +12,7 @@ kinds! {
 
     /// Writes the result for `a` and `b` to `out`.
     fn call_into(out: &mut O, a: &A, b: &B); |way| {
-        let Way::Code(enter) = way;
+        let Callee::Code(enter) = way;
         // Each argument is one value of a type for which any bits are valid.
         enter([writes(out), reads(a), reads(b), 0, 0, 0]);
     }
@@ -25,7 +25,7 @@ kinds! {
     /// # Panics
     /// If `out` does not have `frame.width` times the number of rows pixels.
     fn call(frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]); |way| {
-        let Way::Code(enter) = way;
+        let Callee::Code(enter) = way;
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         if pixels > 0 {

@@ -4,7 +4,7 @@
 use std::fmt::{Debug, Formatter, Result};
 use std::ops::Range;
 
-use super::kernel::{Way, function, kinds, reads, writes};
+use super::kernel::{Callee, function, kinds, reads, writes};
 use super::objects::{ObjectList as _, TriangleList};
 use super::records::{
     CastTask, CasterBounds, CasterEdges, CastersTask, Element, GROUP, LightSideView, LitGroups, MOST_CASTERS, MeetTask,
@@ -35,11 +35,11 @@ kinds! {
         let who = buffers.who(objects.len());
         let [column, row] = first;
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let (objects, points) = (reads(objects), writes(points));
                 enter([reads(view), reads(who), column.into(), row.into(), objects, points]);
             }
-            Way::Rust(find) => find(view, who, first, objects, points),
+            Callee::Rust(find) => find(view, who, first, objects, points),
         }
     }
 
@@ -53,11 +53,11 @@ kinds! {
         let TilePoints { x, y, z, seen, .. } = points;
         let axes = axes(axis).map(|axis| [&*x, &*y, &*z][axis]);
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let [across, down, depth] = axes.map(|axis| reads(axis));
                 enter([reads(view), across, down, depth, writes(groups), writes(seen)]);
             }
-            Way::Rust(see) => see(view, axes, groups, seen),
+            Callee::Rust(see) => see(view, axes, groups, seen),
         }
     }
 
@@ -85,7 +85,7 @@ kinds! {
             casters.edges.resize(bounds.len(), CasterEdges::ZERO);
         }
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let [objects, vertices] = triangles.addresses();
                 let bounds = bounds.as_mut_ptr_range();
                 let task = CastTask {
@@ -102,7 +102,7 @@ kinds! {
                 };
                 enter([reads(view), reads(&task), 0, 0, 0, 0]);
             }
-            Way::Rust(cast) => cast(view, axes, triangles, first, casters),
+            Callee::Rust(cast) => cast(view, axes, triangles, first, casters),
         }
         // The last block is filled up with objects that meet nothing.
         let last = casters.block_count() - 1;
@@ -128,7 +128,7 @@ kinds! {
         // There is room for all pairs, and for what is written beyond them.
         casters.met.resize(GROUPS * MOST_CASTERS + BLOCK, 0);
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let task = MeetTask {
                     points: points.map_or(0, |points| reads(points)),
                     groups: reads(groups),
@@ -142,7 +142,7 @@ kinds! {
                 };
                 casters.met_count = enter([reads(&task), 0, 0, 0, 0, 0]) as usize;
             }
-            Way::Rust(meet) => meet(points, groups, asking, casters),
+            Callee::Rust(meet) => meet(points, groups, asking, casters),
         }
     }
 
@@ -161,7 +161,7 @@ kinds! {
             return;
         }
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let task = CastersTask {
                     points: reads(points.points),
                     groups: writes(groups),
@@ -172,7 +172,7 @@ kinds! {
                 };
                 enter([reads(&task), 0, 0, 0, 0, 0]);
             }
-            Way::Rust(ask) => ask(points, objects, casters, groups),
+            Callee::Rust(ask) => ask(points, objects, casters, groups),
         }
     }
 }

@@ -348,18 +348,18 @@ pub fn multiply_in_chain(_rounds: u32) {}
 
 /// A slice in new pages: the first write to each page causes a page fault.
 #[cfg(feature = "lab")]
-pub struct Fresh<T: Plain> {
+pub struct FreshPages<T: Plain> {
     pages: memmap2::MmapMut,
     of: PhantomData<T>,
 }
 
 #[cfg(feature = "lab")]
-impl<T: Plain> Fresh<T> {
+impl<T: Plain> FreshPages<T> {
     /// New memory for `len` values, at least 1, with all bits 0.
     pub fn new(len: usize) -> io::Result<Self> {
         let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
         let pages = memmap2::MmapMut::map_anon(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?;
-        Ok(Fresh { pages, of: PhantomData })
+        Ok(FreshPages { pages, of: PhantomData })
     }
 
     /// The values.

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::kernel::{Way, function, kinds, reads, writes};
+use super::kernel::{Callee, function, kinds, reads, writes};
 use super::objects::{ObjectList, TriangleList};
 use super::records::{
     AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, LightPosition, MOST_LANES,
@@ -42,7 +42,7 @@ kinds! {
             return None;
         }
         let CandidatesFound { count, mut extremes } = match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let (mut arrays, mut found) = (T::Arrays::ZERO, BoundsFound::NONE);
                 let [objects_at, vertices] = objects.addresses();
                 let task = BoundsTask {
@@ -62,7 +62,7 @@ kinds! {
                 let last = found_here.iter().rposition(|candidate| candidate.id < past);
                 CandidatesFound { count: last.map_or(0, |last| last + 1), extremes: found.extremes() }
             }
-            Way::Rust(find) => find(view, objects, first_id, keep_all, candidates),
+            Callee::Rust(find) => find(view, objects, first_id, keep_all, candidates),
         };
         let colours = objects.colours().flat_map(|colour| colour.to_array());
         extremes.brightest = colours.fold(extremes.brightest, above);
@@ -81,12 +81,12 @@ kinds! {
             return 0;
         }
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let count = candidates.len() as u64;
                 let (candidates, nearer, farther) = (reads(candidates), writes(nearer), writes(farther));
                 enter([reads(&HalfTask { candidates, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
             }
-            Way::Rust(halve) => halve(candidates, nearer, farther),
+            Callee::Rust(halve) => halve(candidates, nearer, farther),
         }
     }
 
@@ -101,8 +101,8 @@ kinds! {
         let mut near = [E::ZERO; TILE_PIXELS];
         let [column, row] = [window.column, window.row];
         match way {
-            Way::Code(enter) => _ = enter([reads(sphere), writes(&mut near), column.into(), row.into(), 0, 0]),
-            Way::Rust(find) => find(sphere, &mut near, [column, row]),
+            Callee::Code(enter) => _ = enter([reads(sphere), writes(&mut near), column.into(), row.into(), 0, 0]),
+            Callee::Rust(find) => find(sphere, &mut near, [column, row]),
         }
         buffers.keep_nearer(&near, order);
     }
@@ -134,8 +134,8 @@ kinds! {
         buffers.most = buffers.most.max(last_id);
         let (planes, shades) = (&mut *buffers.triangles.planes, &mut shades[before..past]);
         let enter = match way {
-            Way::Code(enter) => enter,
-            Way::Rust(set_up) => {
+            Callee::Code(enter) => enter,
+            Callee::Rust(set_up) => {
                 let chunk = TriangleChunk { triangles, lights, candidates, first_id };
                 return set_up(view, chunk, arrays, planes, shades);
             }
@@ -174,12 +174,12 @@ kinds! {
         buffers.most = buffers.most.max(last_id(first_id, chunk.candidates.len()));
         *count = chunk.candidates.len();
         match way {
-            Way::Code(enter) => {
+            Callee::Code(enter) => {
                 let (planes, first_id) = (writes(&mut **planes), first_id as u64);
                 let task = SetupTask { planes, first_id, ..chunk.task(&prefetched, arrays) };
                 enter([reads(view), reads(&task), 0, 0, 0, 0]);
             }
-            Way::Rust(set_up) => set_up(view, chunk, first_id, arrays, planes),
+            Callee::Rust(set_up) => set_up(view, chunk, first_id, arrays, planes),
         }
     }
 
@@ -199,8 +199,8 @@ kinds! {
         let chunk = SphereChunk { candidates: prefetched.candidates, ..spheres };
         records.hold(1 + last_id(first, chunk.candidates.len()), lights.len());
         let enter = match way {
-            Way::Code(enter) => enter,
-            Way::Rust(shade) => return shade(view, chunk, lights, short, first, records),
+            Callee::Code(enter) => enter,
+            Callee::Rust(shade) => return shade(view, chunk, lights, short, first, records),
         };
         let (mut arrays, before) = (SphereArrays::ZERO, first * lights.len());
         let task = SetupTask {
@@ -233,8 +233,8 @@ kinds! {
             return;
         }
         let enter = match way {
-            Way::Code(enter) => enter,
-            Way::Rust(find) => {
+            Callee::Code(enter) => enter,
+            Callee::Rust(find) => {
                 return find(tile, SetUpObjects { planes, arrays, count: *count }, order, window, grid);
             }
         };
@@ -284,8 +284,8 @@ kinds! {
         assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
         out.check(window);
         let enter = match way {
-            Way::Code(enter) => enter,
-            Way::Rust(shade) => return shade(rays, &buffers.tile, shading, window, out),
+            Callee::Code(enter) => enter,
+            Callee::Rust(shade) => return shade(rays, &buffers.tile, shading, window, out),
         };
         let task = ShadeTask {
             tile: reads(&*buffers.tile),

@@ -3,7 +3,7 @@
 
 use std::marker::PhantomData;
 
-use super::kernel::{Kernel, Way, function, kinds, reads, writes};
+use super::kernel::{Callee, Kernel, function, kinds, reads, writes};
 use super::records::Element;
 
 /// The number of operands that an operation on packets has beside its vectors, and of its results.
@@ -88,7 +88,7 @@ kinds! {
 
     /// Runs the loop for this many rounds, at least one. Returns the number of operations executed.
     fn run(rounds: u64) -> u64; |way| {
-        let Way::Code(enter) = way;
+        let Callee::Code(enter) = way;
         // The kernel only reads its own constants.
         let rounds = rounds.max(1);
         rounds * enter([rounds, 0, 0, 0, 0, 0])

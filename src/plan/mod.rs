@@ -18,7 +18,7 @@ pub use lit::{LitForm, Scale};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
-pub use shadows::{Casters, Ends, LightSide, Shadows, Window};
+pub use shadows::{Casters, LightSide, Shadows, SideBounds, Window};
 pub use team::{Halved, MAX_THREADS, Team, on_all_cores};
 pub use tile_report::TileSurvey;
 pub use tiles::bounds::BOX_MARGIN;

@@ -81,12 +81,12 @@ pub struct Shadows<'a> {
 struct LightView {
     position: DVec3,
     /// The sides of the cube that have objects.
-    sides: Vec<Side>,
+    sides: Vec<CubeSide>,
 }
 
 /// A side of the cube, with its objects.
 #[derive(Clone, Default)]
-struct Side {
+struct CubeSide {
     /// The index in [`SIDES`].
     number: usize,
     view: LightSideView<f64>,
@@ -114,16 +114,16 @@ struct Grid {
 pub struct LightSide<'a> {
     scene: &'a Scene,
     position: DVec3,
-    side: &'a Side,
+    side: &'a CubeSide,
 }
 
 /// The bounds of points on a side, in cells: `past_x`, `past_y`, `x`, `y` and `depth` of
 /// `LitGroups`. The greatest coordinates are negated, so that all five are minima.
-pub type Ends = [f32; 5];
+pub type SideBounds = [f32; 5];
 
 /// The bounds of the points of a tile, or of some of them, and the cells that they meet.
 pub struct Window {
-    ends: Ends,
+    ends: SideBounds,
     /// The columns and rows of cells of the finest grid in which the points may be.
     cells: [Range<u32>; 2],
 }
@@ -231,7 +231,7 @@ fn cell(x: f32) -> u32 {
     (x as u32).min(FINEST - 1)
 }
 
-impl Side {
+impl CubeSide {
     /// Enters runs on one side of a light. `whole` are the bounds of all runs there; the picture's
     /// longer side has `pixels` pixels.
     fn of(runs: &[Run], light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
@@ -245,35 +245,35 @@ impl Side {
         for run in runs {
             let Some(of) = Bounds::of_box(run.ends.map(|v| v - light), number) else { continue };
             let extent = extent(&view, &of, run);
-            unsorted.push((extent, Place::of(&extent)));
+            unsorted.push((extent, CellPlace::of(&extent)));
         }
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let (grids, starts, objects) = Grid::of(&unsorted, (FINEST / useful).ilog2());
-        Side { number, view, objects, starts, grids }
+        CubeSide { number, view, objects, starts, grids }
     }
 }
 
 /// Where an object is entered: the column and the row in the finest grid at which it begins, and
 /// the binary logarithm of the side of cells of which it meets at most two across and two down.
 #[derive(Clone, Copy)]
-struct Place {
+struct CellPlace {
     column: u16,
     row: u16,
     level: u8,
 }
 
-impl Place {
-    fn of(Extent { low, high, .. }: &Extent) -> Place {
+impl CellPlace {
+    fn of(Extent { low, high, .. }: &Extent) -> CellPlace {
         let [[column, last_column], [row, last_row]] = [0, 1].map(|i| [low[i], high[i]].map(cell));
         let most = (last_column - column).max(last_row - row);
-        Place { column: column as u16, row: row as u16, level: most.next_power_of_two().ilog2() as u8 }
+        CellPlace { column: column as u16, row: row as u16, level: most.next_power_of_two().ilog2() as u8 }
     }
 }
 
 impl Grid {
     /// Makes the grids for some objects, none finer than `finest`. Returns them with the `starts`
-    /// and the `objects` for [`Side`].
-    fn of(unsorted: &[(Extent, Place)], finest: u32) -> (Vec<Grid>, Vec<u32>, Vec<Extent>) {
+    /// and the `objects` for [`CubeSide`].
+    fn of(unsorted: &[(Extent, CellPlace)], finest: u32) -> (Vec<Grid>, Vec<u32>, Vec<Extent>) {
         const LEVELS: usize = 1 + FINEST.ilog2() as usize;
         let mut counts = [0; LEVELS];
         unsorted.iter().for_each(|(_, place)| counts[usize::from(place.level).max(finest as usize)] += 1);
@@ -288,7 +288,7 @@ impl Grid {
                 (count, cells) = (0, cells + of_grid);
             }
         }
-        let cell = |place: &Place| {
+        let cell = |place: &CellPlace| {
             grids[of_level[usize::from(place.level)]].cell(u32::from(place.column), u32::from(place.row))
         };
         // A counting sort. At first `starts[cell + 2]` is the number of objects in a cell; after
@@ -377,7 +377,7 @@ impl<'a> Shadows<'a> {
         let (runs, pixels) = (runs(scene), scene.camera.width().max(scene.camera.height()));
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let all = runs.iter().fold(none, |[low, high], run| [low.min(run.ends[0]), high.max(run.ends[1])]);
-        let view = |position| LightView { position, sides: vec![Side::default(); SIDES.len()] };
+        let view = |position| LightView { position, sides: vec![CubeSide::default(); SIDES.len()] };
         let lights = light::lights(scene).into_iter().map(|light| light.position.as_dvec3());
         let mut shadows = Shadows { scene, lights: lights.map(view).collect() };
         let tasks = shadows.lights.iter_mut().flat_map(|LightView { position, sides }| {
@@ -392,7 +392,7 @@ impl<'a> Shadows<'a> {
             if options.is_cancelled() {
                 return;
             }
-            *side = Side::of(&runs, light, (number, &whole), pixels);
+            *side = CubeSide::of(&runs, light, (number, &whole), pixels);
         });
         let is_alone = scene.spheres.len() + scene.triangle_count() == 1;
         shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !is_alone && !side.grids.is_empty()));
@@ -465,7 +465,7 @@ impl<'a> LightSide<'a> {
     }
 
     /// The window of points with these bounds. None if no point is where this side has objects.
-    pub fn window(&self, ends: Ends) -> Option<Window> {
+    pub fn window(&self, ends: SideBounds) -> Option<Window> {
         let ([past_x, past_y, x, y, _], end) = (ends, FINEST as f32);
         (x <= end && y <= end && past_x <= 0.0 && past_y <= 0.0)
             .then(|| Window { ends, cells: [cell(x)..cell(-past_x) + 1, cell(y)..cell(-past_y) + 1] })

@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use self::kept::KEPT;
-use self::nearest::{Scratch, SoFar, TileObjects};
+use self::nearest::{NearestSoFar, Scratch, TileObjects};
 use super::film::{narrow, rgba_to_bgra};
 use super::plan::PacketKernelSet;
 use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, assert_rows, existing};
@@ -315,7 +315,7 @@ impl<E: Element> TileTracer<'_, E> {
             };
             P::shade(self).call(&rays, buffers, records, window, TileOut { pixels: &mut *pixels, first, width });
         };
-        let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
+        let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as NearestSoFar<'_, E>);
         if !self.find_nearest(tile, window, by_force, weighted, scratch) {
             return false;
         }

@@ -69,13 +69,13 @@ pub(super) struct Problem {
 /// What diagnostics call a number: "the width", "sphere 3's radius".
 #[derive(Clone, Copy)]
 struct Field {
-    owner: Option<Owner>,
+    owner: Option<ListItem>,
     part: &'static str,
 }
 
 /// An item of a list: the kind of list and the item's number from 1.
 #[derive(Clone, Copy)]
-struct Owner {
+struct ListItem {
     one: &'static str,
     number: u64,
 }
@@ -113,7 +113,7 @@ struct Announced {
 
 /// A source of the values of a scene, in the order of the format: a whole text, or a file read
 /// piece by piece.
-trait Parts {
+trait SceneSource {
     /// The image's width and height.
     fn size(&mut self) -> Result<(u32, u32), Stop>;
 
@@ -136,14 +136,14 @@ trait Parts {
     }
 
     /// Warns that the triangle read last has no area.
-    fn note_no_area(&mut self, triangle: Owner) -> Result<(), Stop>;
+    fn note_no_area(&mut self, triangle: ListItem) -> Result<(), Stop>;
 
     /// Checks that nothing follows.
     fn end(&mut self) -> Result<(), Stop>;
 }
 
 /// Reads the part of a scene after the image name.
-fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
+fn scene(name: &str, parts: &mut impl SceneSource) -> Result<Scene, Stop> {
     let (width, height) = parts.size()?;
     let focal = parts.number(Field { owner: None, part: "the focal distance" }, Rule::Positive)?;
     let lights = list(parts, &LIGHTS, none_ahead, |parts, light| {
@@ -156,7 +156,7 @@ fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
         let colour = vector(parts, sphere, COLOUR, Rule::NotNegative)?;
         Ok(Sphere { radius, colour, centre: vector(parts, sphere, POSITION, Rule::Any)? })
     })?;
-    let triangles = list(parts, &TRIANGLES, Parts::first_triangles, |parts, triangle| {
+    let triangles = list(parts, &TRIANGLES, SceneSource::first_triangles, |parts, triangle| {
         let item = match parts.usual_triangle() {
             Some(item) => item,
             None => {
@@ -177,31 +177,31 @@ fn scene(name: &str, parts: &mut impl Parts) -> Result<Scene, Stop> {
     Ok(Scene { name: name.to_owned(), lights, spheres, triangles, ..Scene::new(camera) })
 }
 
-fn vector(parts: &mut impl Parts, of: Owner, [x, y, z]: [&'static str; 3], rule: Rule) -> Result<Vec3, Stop> {
+fn vector(parts: &mut impl SceneSource, of: ListItem, [x, y, z]: [&'static str; 3], rule: Rule) -> Result<Vec3, Stop> {
     let mut number = |part| parts.number(of.part(part), rule);
     Ok(Vec3::new(number(x)?, number(y)?, number(z)?))
 }
 
 /// Reads a list: its count, then the items. `ahead` may read the first of them; the others are read
 /// one by one.
-fn list<T, P: Parts>(
+fn list<T, P: SceneSource>(
     parts: &mut P,
     kind: &'static Kind,
     ahead: impl Fn(&mut P, u64, &mut Vec<T>) -> Result<(), Stop>,
-    item: impl Fn(&mut P, Owner) -> Result<T, Stop>,
+    item: impl Fn(&mut P, ListItem) -> Result<T, Stop>,
 ) -> Result<Vec<T>, Stop> {
     let count = parts.count(kind)?;
     // `count` has checked that the file has enough bytes for so many items.
     let mut items = room(count as usize);
     ahead(parts, count, &mut items)?;
     for number in items.len() as u64 + 1..=count {
-        items.push(item(parts, Owner { one: kind.one, number })?);
+        items.push(item(parts, ListItem { one: kind.one, number })?);
     }
     Ok(items)
 }
 
 /// Reads no item, so that all are read one by one.
-fn none_ahead<T, P: Parts>(_: &mut P, _count: u64, _items: &mut Vec<T>) -> Result<(), Stop> {
+fn none_ahead<T, P: SceneSource>(_: &mut P, _count: u64, _items: &mut Vec<T>) -> Result<(), Stop> {
     Ok(())
 }
 
@@ -277,7 +277,7 @@ impl<'a> Parser<'a, '_> {
     }
 }
 
-impl Parts for Parser<'_, '_> {
+impl SceneSource for Parser<'_, '_> {
     fn size(&mut self) -> Result<(u32, u32), Stop> {
         let width = self.side("the width")?;
         let height = self.side("the height")?;
@@ -324,7 +324,7 @@ impl Parts for Parser<'_, '_> {
         Err(Stop)
     }
 
-    fn note_no_area(&mut self, triangle: Owner) -> Result<(), Stop> {
+    fn note_no_area(&mut self, triangle: ListItem) -> Result<(), Stop> {
         let Parser { log, no_area, name, last, .. } = self;
         no_area.add(name, &triangle.to_string(), || log.line(last.start));
         Ok(())
@@ -408,13 +408,13 @@ impl fmt::Display for Field {
     }
 }
 
-impl Owner {
+impl ListItem {
     fn part(self, part: &'static str) -> Field {
         Field { owner: Some(self), part }
     }
 }
 
-impl fmt::Display for Owner {
+impl fmt::Display for ListItem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.one, self.number)
     }

@@ -4,7 +4,7 @@ use super::table::{number, plain_table, reasons, summary_table};
 use crate::essay::{absent_engines, part};
 use crate::table::Table;
 use rayo_lab::experiments::accuracy::summary::summaries;
-use rayo_lab::experiments::accuracy::{Accuracy, AccuracyReport, Who};
+use rayo_lab::experiments::accuracy::{Accuracy, AccuracyReport, Label};
 use rayo_lab::families::{FAMILIES, Family};
 
 /// The text before the tables, and the text before the table of plain formulas. It must not depend
@@ -61,7 +61,7 @@ const COLUMNS: [(&str, &str); 7] = [
 
 fn scenes_table(rows: &[Accuracy]) -> String {
     let is = |row: &Accuracy, (engine, precision): (&'static str, &'static str)| {
-        row.who == Who { engine: engine.into(), precision: precision.into(), option: None, output: "f32x3".into() }
+        row.who == Label { engine: engine.into(), precision: precision.into(), option: None, output: "f32x3".into() }
     };
     let columns: Vec<_> = COLUMNS.into_iter().filter(|column| rows.iter().any(|row| is(row, *column))).collect();
     let names = columns.iter().map(|(engine, precision)| match *precision {

@@ -4,7 +4,7 @@
 use crate::table::{Column, Table};
 use rayo_lab::experiments::accuracy::plain::AgainstPlain;
 use rayo_lab::experiments::accuracy::summary::{Reason, Summary, summaries};
-use rayo_lab::experiments::accuracy::{Accuracy, AccuracyReport, Who};
+use rayo_lab::experiments::accuracy::{Accuracy, AccuracyReport, Label};
 
 /// A number with three digits; – for None.
 pub(super) fn number(x: Option<f64>) -> String {
@@ -156,7 +156,7 @@ pub(super) fn reasons(reasons: &[Reason]) -> String {
     // An engine with its option, and its combinations of precision and output.
     type Entry = (String, Vec<String>);
     let mut of: Vec<(&str, Vec<Entry>)> = Vec::new();
-    for Reason { who: Who { engine, precision, option, output }, reason } in reasons {
+    for Reason { who: Label { engine, precision, option, output }, reason } in reasons {
         let option = option.as_ref().map_or(String::new(), |option| format!(" with `{option}`"));
         let (who, what) = (format!("`{engine}`{option}"), format!("{precision} {output}"));
         let i = of.iter().position(|(other, _)| other == reason).unwrap_or_else(|| {

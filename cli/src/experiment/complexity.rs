@@ -13,7 +13,7 @@ use crate::{Failure, print_result, say};
 use rayo::internals::render::Engine;
 use rayo::internals::scene::shown;
 use rayo_lab::experiments::complexity::{
-    self, Complexity, Growth, LINES, Measured, Settings, Slope, ZEROS, lines, plot,
+    self, Complexity, Growth, Growths, LINES, Settings, Slope, ZEROS, lines, plot,
 };
 use rayo_lab::experiments::svg::Screen;
 use rayo_lab::experiments::sweeps::Axis;
@@ -25,16 +25,16 @@ pub fn measure(
     settings: &Settings,
     clock: &mut impl Clock,
     mut proceed: impl FnMut(u64) -> bool,
-) -> Result<Measured, Failure> {
+) -> Result<Growths, Failure> {
     let mut rows = Vec::new();
     for line in 0..LINES {
         let measured = complexity::measure(settings, line, clock, &mut proceed).map_err(failure)?;
         rows.extend(measured.rows);
         if !measured.complete {
-            return Ok(Measured { rows, complete: false });
+            return Ok(Growths { rows, complete: false });
         }
     }
-    Ok(Measured { rows, complete: true })
+    Ok(Growths { rows, complete: true })
 }
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
@@ -56,7 +56,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)
     };
-    let Measured { rows, complete } = measure(&settings, &mut clock, proceed)?;
+    let Growths { rows, complete } = measure(&settings, &mut clock, proceed)?;
     bar.finish_and_clear();
     if rows.is_empty() {
         return Err(Failure::stopped("stopped before the first picture was finished: there is nothing to show"));

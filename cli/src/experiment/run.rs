@@ -148,7 +148,7 @@ pub fn measure(
 
 /// What the processes of all runs measured.
 #[derive(Default)]
-struct Measured {
+struct MeasuredRuns {
     sizes: Vec<speedup::Run>,
     rungs: Vec<ladder::Rounds>,
     /// The time that was measured, in ticks of the clock.
@@ -163,8 +163,8 @@ fn runs(
     cores: &sys::Cores,
     rounds: usize,
     proceed: &mut Progress<'_>,
-) -> Result<Measured, Failure> {
-    let mut measured = Measured::default();
+) -> Result<MeasuredRuns, Failure> {
+    let mut measured = MeasuredRuns::default();
     let mut go_on = proceed(0);
     for number in 0..settings.runs {
         if !go_on {

@@ -376,7 +376,7 @@ mod tests {
     use super::*;
     use rayo::internals::kernels::Cache;
     use rayo_lab::experiments::claims::Claim;
-    use rayo_lab::experiments::ladder::Share;
+    use rayo_lab::experiments::ladder::CauseShare;
     use rayo_lab::experiments::speedup::{self, Settings, Speedup};
     use rayo_lab::experiments::verdict::Verdict;
     use rayo_lab::measure::Machine;
@@ -430,7 +430,7 @@ mod tests {
             vec![rung("low", None, 80.0, 1.0), Rung { aside: true, ..rung("high", Some("low"), 20.0, 4.0) }];
         document.against_compiler =
             vec![AgainstCompiler { engine: "high".into(), compiled: "low".into(), ratio: 4.0, low: 3.6, high: 4.4 }];
-        let share = |cause: &'static str, factor, share| Share { cause: cause.into(), factor, share };
+        let share = |cause: &'static str, factor, share| CauseShare { cause: cause.into(), factor, share };
         document.explanations = vec![Explanation {
             from: "low".into(),
             to: "high".into(),

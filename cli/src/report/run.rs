@@ -14,9 +14,9 @@ use crate::{Failure, say};
 use rayo::internals::plan::on_all_cores;
 use rayo::internals::render::{Engine, Plan, Purpose};
 use rayo_lab::experiments::accuracy::subjects;
-use rayo_lab::experiments::complexity::Measured;
+use rayo_lab::experiments::complexity::Growths;
 use rayo_lab::experiments::ops::{self, Options};
-use rayo_lab::experiments::report::{Left, Planned, Results, Stage, Told};
+use rayo_lab::experiments::report::{Left, Planned, RayListing, Results, Stage};
 use rayo_lab::experiments::step::{self, Ray};
 use rayo_lab::experiments::{ablation, accuracy, complexity, gallery, in_size, roofline, stability, threads};
 use rayo_lab::measure::MachineClock;
@@ -206,7 +206,7 @@ fn measure_complexity(
     let engines: Vec<Engine> = Engine::ALL.iter().copied().filter(|engine| engine.usable()).collect();
     let settings = complexity::Settings::new(quick, None, &engines);
     let proceed = |work| course.done(work, settings.work());
-    let Measured { rows, complete } = crate::experiment::complexity::measure(&settings, &mut prepared.clock, proceed)?;
+    let Growths { rows, complete } = crate::experiment::complexity::measure(&settings, &mut prepared.clock, proceed)?;
     results.complexity = Some(complexity::Complexity::new(results.machine.clone(), &settings, complete, rows));
     Ok(complete)
 }
@@ -254,7 +254,7 @@ fn watch_ray(results: &mut Results) -> Result<bool, Failure> {
     let watched = step::watch(&scene, &ray).map_err(Failure::output)?;
     let how = text::How { depth: None, only: None, error: true, colour: false };
     let command = format!("rayo step scenes/sphere.in --size {}x{} --error", WATCHED.0, WATCHED.1);
-    results.ray = Some(Told { command, text: text::text(&watched, &how) });
+    results.ray = Some(RayListing { command, text: text::text(&watched, &how) });
     Ok(true)
 }
 

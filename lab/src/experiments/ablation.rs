@@ -47,12 +47,12 @@ pub struct Ablation {
     /// The time with `--keep-all`, divided by that of the plan.
     pub keep_all: Timed,
     /// For each omission, the time without it, divided by that of the plan.
-    pub worth: Vec<Worth>,
+    pub worth: Vec<OmissionGain>,
 }
 
 /// The gain of one omission of a plan: the time without it, relative to the plan's.
 #[derive(Clone, Debug, Serialize)]
-pub struct Worth {
+pub struct OmissionGain {
     pub what: &'static str,
     #[serde(flatten)]
     pub timed: Timed,
@@ -175,7 +175,7 @@ pub fn run(
     let mut works = contestants.works(camera, &trials.parts, &schedule.bands, &middle, &films);
     let runs = interleave(clock, &mut works, 0..schedule.rounds, &mut proceed).expect("nobody stops it");
     let timed = against_plan(&trials.parts, &runs, schedule.bands.len(), middle.len());
-    let worth = |(line, place): (&LeftOut, &Option<usize>)| Worth {
+    let worth = |(line, place): (&LeftOut, &Option<usize>)| OmissionGain {
         what: line.what,
         timed: place.map_or(Timed::NO_CODE, |place| timed[place]),
     };

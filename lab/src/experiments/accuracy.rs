@@ -75,7 +75,7 @@ impl Entry {
 
 /// The names of an entry as the documents use them.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
-pub struct Who {
+pub struct Label {
     pub engine: Name,
     pub precision: Name,
     /// `--keep-all`, or None.
@@ -83,10 +83,10 @@ pub struct Who {
     pub output: Name,
 }
 
-impl From<Entry> for Who {
+impl From<Entry> for Label {
     fn from(Entry { contender: Contender { engine, precision, keep_all }, output }: Entry) -> Self {
         let option = keep_all.then_some("--keep-all".into());
-        Who { engine: engine.name().into(), precision: precision.name().into(), option, output: output.name().into() }
+        Label { engine: engine.name().into(), precision: precision.name().into(), option, output: output.name().into() }
     }
 }
 
@@ -180,7 +180,7 @@ pub struct Accuracy {
     pub width: u32,
     pub height: u32,
     #[serde(flatten)]
-    pub who: Who,
+    pub who: Label,
     #[serde(flatten)]
     pub errors: Errors,
     /// Nanoseconds per ray in the fastest run.
@@ -290,7 +290,7 @@ pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool)
 }
 
 #[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Measured {
+pub struct MeasuredAccuracy {
     pub rows: Vec<Accuracy>,
     /// The comparison with the plain formulas, on ordinary scenes.
     pub against_plain: Vec<plain::AgainstPlain>,
@@ -349,7 +349,7 @@ pub fn measure(
     clock: &mut dyn Clock,
     rate: Rate,
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Measured>, LabError> {
+) -> Result<Option<MeasuredAccuracy>, LabError> {
     let mut contenders = contenders_and_options();
     contenders.retain(|contender| contender.can_trace(&subject.scene));
     let judged = judge(&subject.scene, &contenders)?;
@@ -379,7 +379,7 @@ pub fn measure(
     } else {
         Vec::new()
     };
-    Ok(Some(Measured { rows, against_plain }))
+    Ok(Some(MeasuredAccuracy { rows, against_plain }))
 }
 
 /// The error that the Pareto front is made by; see [`Accuracy::error`].

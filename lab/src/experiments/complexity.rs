@@ -378,7 +378,7 @@ impl Pictures {
 
 /// The measurements along a line.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
-pub struct Measured {
+pub struct Growths {
     pub rows: Vec<Growth>,
     /// Whether every picture of the line was measured.
     pub complete: bool,
@@ -394,8 +394,8 @@ pub fn measure(
     line: usize,
     clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-) -> Result<Measured, LabError> {
-    let mut found = Measured::default();
+) -> Result<Growths, LabError> {
+    let mut found = Growths::default();
     let mut pictures = Pictures::new(settings, line);
     let mut before = 0;
     while let Some(scene) = pictures.scenes.next() {

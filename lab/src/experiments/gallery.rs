@@ -29,7 +29,7 @@ const SIZE: (u32, u32) = (144, 108);
 
 /// A scene and its pictures, the reference's first.
 #[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Shown {
+pub struct ScenePictures {
     pub scene: String,
     pub width: u32,
     pub height: u32,
@@ -59,7 +59,7 @@ pub const WORK: u64 = (SHIPPED.len() + IN_SHADOWS.len() + STIFF.len()) as u64;
 ///
 /// # Errors
 /// If an engine cannot be prepared, or if there is not enough memory.
-pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Shown>>, LabError> {
+pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<ScenePictures>>, LabError> {
     let ordinary = SHIPPED.iter().map(|name| ((*name).to_owned(), in_size(&shipped(name), SIZE.0, SIZE.1)));
     let in_shadows = IN_SHADOWS.iter().map(|name| {
         let scene = Scene { shadows: true, ..in_size(&shipped(name), SIZE.0, SIZE.1) };
@@ -80,7 +80,7 @@ pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Shown>>, L
     Ok(Some(shown))
 }
 
-fn show(name: String, scene: &Scene) -> Result<Shown, LabError> {
+fn show(name: String, scene: &Scene) -> Result<ScenePictures, LabError> {
     let (width, height) = (scene.camera.width(), scene.camera.height());
     let mut seen: Vec<(Name, Picture)> = Vec::new();
     let mut pictures = Vec::new();
@@ -101,7 +101,7 @@ fn show(name: String, scene: &Scene) -> Result<Shown, LabError> {
         pictures[place].png = Some(png(picture));
         pictures[place].difference = difference_image(truth, picture).ok().map(|image| png(&image));
     }
-    Ok(Shown { scene: name, width, height, pictures })
+    Ok(ScenePictures { scene: name, width, height, pictures })
 }
 
 /// The index of the picture that is farthest from the reference's: by its largest difference, then

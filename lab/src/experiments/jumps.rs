@@ -126,7 +126,7 @@ pub fn work(quick: bool) -> u64 {
 
 /// What is recorded beside the times of a case's runs. Each list has an entry for every run.
 #[derive(Default)]
-struct Beside {
+struct PerRun {
     clock: Vec<f64>,
     faults: Vec<f64>,
     ticks: Vec<f64>,
@@ -134,7 +134,7 @@ struct Beside {
     own: Vec<f64>,
 }
 
-impl Beside {
+impl PerRun {
     fn run(&self, run: usize, pixels: u64) -> PictureRun {
         PictureRun {
             core_cycles_per_pixel: self.clock[run] * self.own[run] / pixels as f64,
@@ -171,7 +171,7 @@ impl Beside {
 struct Contestant {
     engine: Engine,
     touched: bool,
-    beside: Beside,
+    beside: PerRun,
 }
 
 impl Contestant {
@@ -219,7 +219,7 @@ pub fn run(
         let mut film = Film::new(PixelFormat::F32x4, pixels as usize)?;
         let mut contestants = Vec::new();
         for engine in engines {
-            contestants.extend([true, false].map(|touched| Contestant { engine, touched, beside: Beside::default() }));
+            contestants.extend([true, false].map(|touched| Contestant { engine, touched, beside: PerRun::default() }));
         }
         let tracers = contestants.iter().map(|contestant| contestant.engine.prepare(None, &scene));
         let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
@@ -263,8 +263,8 @@ pub fn run(
     Ok(Some(Jumps { rows, bandwidth }))
 }
 
-fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, LabError> {
-    sys::Fresh::new(pixels).map_err(|error| LabError::System { what: "map memory for a fresh framebuffer", error })
+fn fresh(pixels: usize) -> Result<sys::FreshPages<Vec4>, LabError> {
+    sys::FreshPages::new(pixels).map_err(|error| LabError::System { what: "map memory for a fresh framebuffer", error })
 }
 
 /// A level of memory.

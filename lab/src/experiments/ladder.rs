@@ -82,7 +82,7 @@ pub struct AgainstCompiler {
 
 /// The part of a factor between two rungs that one cause accounts for.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-pub struct Share {
+pub struct CauseShare {
     pub cause: Name,
     /// The factor that this cause accounts for.
     pub factor: f64,
@@ -97,7 +97,7 @@ pub struct Explanation {
     pub from: Name,
     pub to: Name,
     pub factor: f64,
-    pub shares: Vec<Share>,
+    pub shares: Vec<CauseShare>,
 }
 
 /// The name of the rung of vectorised brute force for the widest instruction set that this CPU has.
@@ -596,9 +596,9 @@ pub fn check(
 
 /// A clock that runs all work once untimed before it times it. Otherwise the first rung of each
 /// size or pixel format would find its film evicted from the caches, unlike the next rungs.
-struct Warm<'a>(&'a mut dyn Clock);
+struct Warmed<'a>(&'a mut dyn Clock);
 
-impl Clock for Warm<'_> {
+impl Clock for Warmed<'_> {
     fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
         work();
         self.0.time(work)
@@ -633,7 +633,7 @@ pub fn measure_run(
     let cases = planned.iter().zip(&tracers).zip(&scenes);
     let cases = cases.map(|((rung, tracer), scene)| rung.case(tracer.as_deref(), &packed, scene, cores));
     let cases = cases.collect::<Result<Vec<_>, _>>()?;
-    let measured = Bench::default().time(&mut Warm(clock), &cases, rounds, &mut || true)?.expect("nobody stops it");
+    let measured = Bench::default().time(&mut Warmed(clock), &cases, rounds, &mut || true)?.expect("nobody stops it");
     Ok(measured.iter().map(|runs| Turn::each(runs).collect()).collect())
 }
 
@@ -837,7 +837,7 @@ fn explain_by(rungs: &[Rung], causes: &[Cause]) -> Option<Explanation> {
     // The whole is the product of the medians, not the median of the whole ratio, so that the
     // shares add up to exactly 1.
     let whole: f64 = factors.iter().product();
-    let shares = causes.iter().zip(&factors).map(|(cause, factor)| Share {
+    let shares = causes.iter().zip(&factors).map(|(cause, factor)| CauseShare {
         cause: cause.cause.into(),
         factor: *factor,
         share: factor.ln() / whole.ln(),

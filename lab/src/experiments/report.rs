@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::accuracy::AccuracyReport;
 use super::complexity::Complexity;
 use super::document::Experiment;
-use super::gallery::Shown;
+use super::gallery::ScenePictures;
 use super::ops;
 use super::roofline::Roofline;
 use super::stability::StabilityReport;
@@ -81,9 +81,9 @@ pub struct Results {
     /// What the plans of some scenes omit.
     pub plans: Option<Vec<Planned>>,
     /// The pictures of some scenes by every engine.
-    pub gallery: Option<Vec<Shown>>,
+    pub gallery: Option<Vec<ScenePictures>>,
     /// One ray, as `rayo step` prints it.
-    pub ray: Option<Told>,
+    pub ray: Option<RayListing>,
 }
 
 /// What the plan of a scene omits, and what each omission gains.
@@ -134,7 +134,7 @@ impl Left {
 
 /// A ray, as `rayo step` describes it.
 #[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Told {
+pub struct RayListing {
     /// The command that prints this text.
     pub command: String,
     pub text: String,

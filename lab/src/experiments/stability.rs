@@ -15,7 +15,7 @@ use super::accuracy::{self, Contender, Judged, judge};
 use super::lab::LabError;
 use crate::families::{Case, FAMILIES, Family};
 use crate::measure::{Machine, Name};
-use limits::{Broken, Figures, Limits};
+use limits::{Broken, Limits, MeasureValues};
 use rayo::internals::render::{EngineError, Film, Precision};
 use rayo::internals::scene::{Camera, Scene, many};
 
@@ -86,7 +86,7 @@ pub struct Cell {
     /// The case with the most wrong hits. If there are none, the case whose t is worst relative to
     /// its bound.
     pub worst_case: usize,
-    /// For each of [`Figures`], its value in the worst case, and the number of that case.
+    /// For each of [`MeasureValues`], its value in the worst case, and the number of that case.
     #[serde(skip)]
     worst_by: [(f64, usize); limits::MEASURES.len()],
     /// The number of rays of the whole level, even if only one of its cases is swept. Limits on
@@ -101,7 +101,7 @@ impl Cell {
         (&self.engine, &self.precision)
     }
 
-    fn figures(&self) -> Figures {
+    fn figures(&self) -> MeasureValues {
         let share = |count: usize| count as f64 / self.level_rays.max(1) as f64;
         let counts = [self.wrong_hits, self.holes, self.unexplained, self.off_by_2].map(share);
         figures([self.max_ulp, self.bound_share, self.max_angle], counts)
@@ -115,7 +115,7 @@ impl Cell {
 
 /// The figures in the order of [`limits::MEASURES`]: the errors of t and of normals, 0 for None,
 /// and then shares of the rays.
-fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
+fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> MeasureValues {
     let [ulp, bound, angle] = errors.map(|error| error.unwrap_or(0.0));
     let [wrong, holes, unexplained, off_by_2] = shares;
     [ulp, bound, angle, wrong, holes, unexplained, off_by_2]
@@ -150,13 +150,13 @@ pub struct Stability {
     pub worst_case: usize,
     /// The figures that have limits, in the order of [`limits::MEASURES`].
     #[serde(skip)]
-    worst_by: [Worst; limits::MEASURES.len()],
+    worst_by: [WorstFigure; limits::MEASURES.len()],
 }
 
 /// A figure at the worst level, and in the worst case of that level. Counts are shares of the
 /// level's rays.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
-struct Worst {
+struct WorstFigure {
     figure: f64,
     case: usize,
     of_case: f64,
@@ -200,7 +200,7 @@ pub fn forecast(settings: &Settings) -> f64 {
 pub struct Swept {
     rows: Vec<Stability>,
     /// The limited figures of each row, which documents leave out.
-    worst_by: Vec<[Worst; limits::MEASURES.len()]>,
+    worst_by: Vec<[WorstFigure; limits::MEASURES.len()]>,
     cells: Vec<Cell>,
 }
 
@@ -449,7 +449,7 @@ fn row(family: &Family, cells: &[Cell], engine: &str, precision: &str) -> Stabil
     let worst_by = std::array::from_fn(|i| {
         let cells = own.iter().map(|cell| {
             let (of_case, case) = cell.worst_by[i];
-            Worst { figure: cell.figures()[i], case, of_case }
+            WorstFigure { figure: cell.figures()[i], case, of_case }
         });
         cells.max_by(|a, b| a.figure.total_cmp(&b.figure)).unwrap_or_default()
     });

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, dvec3};
 
 use super::maker::{BLUE, GREEN, GREY, Maker, RED, light, sphere, triangle};
-use super::{Family, Level, Made, names, numbers};
+use super::{Family, Level, MadeScene, names, numbers};
 use rayo::internals::scene::{Scene, Sphere, Triangle};
 
 const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
@@ -69,7 +69,7 @@ pub const BESIDE: Family = Family {
     make: beside,
 };
 
-fn beside(maker: &mut Maker) -> Made {
+fn beside(maker: &mut Maker) -> MadeScene {
     let (radius, far) = (maker.between(0.5, 2.0), maker.between(0.9, 1.5));
     let (x, y) = maker.turn();
     let EmptyScene { mut scene, count } = empty(maker, 1.0, 2, 2.0 * radius);
@@ -107,7 +107,7 @@ pub const SCALES: Family = Family {
     make: scales,
 };
 
-fn scales(maker: &mut Maker) -> Made {
+fn scales(maker: &mut Maker) -> MadeScene {
     let ratio = maker.value;
     let EmptyScene { mut scene, count } = empty(maker, 0.5, 2, 40.0);
     if ratio == SUN {
@@ -137,7 +137,7 @@ pub const DUPLICATES: Family = Family {
     make: duplicates,
 };
 
-fn duplicates(maker: &mut Maker) -> Made {
+fn duplicates(maker: &mut Maker) -> MadeScene {
     let EmptyScene { mut scene, count } = empty(maker, 0.6, 2, 20.0);
     let half = count.div_ceil(2);
     let special = if maker.value == 0.0 { 0 } else { half.div_ceil(4).min(20) };
@@ -191,7 +191,7 @@ pub const BRIGHTNESS: Family = Family {
     make: brightness,
 };
 
-fn brightness(maker: &mut Maker) -> Made {
+fn brightness(maker: &mut Maker) -> MadeScene {
     let EmptyScene { mut scene, count } = empty(maker, 0.5, 2, 40.0);
     let level = maker.value as usize;
     let mut intensity = 1.0;

@@ -40,7 +40,7 @@ pub struct Family {
     /// Whether the pictures of all levels show about as much, so that their times can be compared.
     pub same_work: bool,
     pub variants: &'static [&'static str],
-    make: fn(&mut Maker) -> Made,
+    make: fn(&mut Maker) -> MadeScene,
 }
 
 /// One value of a family's parameter.
@@ -84,15 +84,15 @@ pub struct Case {
 }
 
 /// The result of a family's function.
-struct Made {
+struct MadeScene {
     scene: Scene,
     valid: bool,
     covered: bool,
 }
 
-impl From<Scene> for Made {
+impl From<Scene> for MadeScene {
     fn from(scene: Scene) -> Self {
-        Made { scene, valid: true, covered: false }
+        MadeScene { scene, valid: true, covered: false }
     }
 }
 
@@ -116,7 +116,7 @@ impl Family {
     pub fn case(&self, index: usize, seed: u64, side: u32) -> Case {
         let (level, variant) = (self.levels[index / self.variants.len()], index % self.variants.len());
         let mut maker = Maker::new(level.value, variant, seed, index, side);
-        let Made { mut scene, valid, covered } = (self.make)(&mut maker);
+        let MadeScene { mut scene, valid, covered } = (self.make)(&mut maker);
         scene.shadows = self.has_shadows();
         let (family, variant) = (self.id, self.variants[variant]);
         Case { family, index, seed, level, variant, scene, valid, covered }

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, dvec3};
 
 use super::maker::{BLUE, GREEN, GREY, Maker, RED, camera, light, sphere, triangle};
-use super::{Family, Level, Made, names};
+use super::{Family, Level, MadeScene, names};
 use rayo::internals::scene::{Camera, Scene, many};
 
 pub const LIGHTS: Family = Family {
@@ -36,7 +36,7 @@ pub const LIGHTS: Family = Family {
     make: lights,
 };
 
-fn lights(maker: &mut Maker) -> Made {
+fn lights(maker: &mut Maker) -> MadeScene {
     let camera = maker.square(0.5);
     let mut scene = maker.scene(camera, 1 + usize::from(maker.variant == 2), 4.0);
     let ball = sphere(1.0, RED, dvec3(0.25, -0.25, 4.0));
@@ -101,7 +101,7 @@ pub const IMAGES: Family = Family {
     make: images,
 };
 
-fn images(maker: &mut Maker) -> Made {
+fn images(maker: &mut Maker) -> MadeScene {
     let size = IMAGE_LEVELS[maker.value as usize].label;
     let (width, height) = size.split_once('x').expect("a size");
     let [width, height] = [width, height].map(|side| side.parse().expect("a side"));
@@ -130,7 +130,7 @@ pub const NOT_NUMBERS: Family = Family {
     make: not_numbers,
 };
 
-fn not_numbers(maker: &mut Maker) -> Made {
+fn not_numbers(maker: &mut Maker) -> MadeScene {
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][maker.variant];
     let camera: Camera = maker.square(0.5);
     let mut scene = maker.scene(camera, 2, 4.0);
@@ -148,5 +148,5 @@ fn not_numbers(maker: &mut Maker) -> Made {
         6 => spoil(&mut scene.lights[1].colour),
         _ => scene.lights[1].intensity = bad,
     }
-    Made { valid: false, ..scene.into() }
+    MadeScene { valid: false, ..scene.into() }
 }

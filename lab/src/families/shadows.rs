@@ -4,7 +4,7 @@ use glam::{DVec3, dvec3};
 
 use super::crowds::{COLOURS, EmptyScene, UNSHADED, VARIANTS, empty, fill};
 use super::maker::{GREEN, GREY, Maker, RED, icosphere, light, sphere, triangle};
-use super::{Family, Made, names, numbers};
+use super::{Family, MadeScene, names, numbers};
 use rayo::internals::scene::Triangle;
 
 /// Two triangles that make up the parallelogram with a corner and two sides.
@@ -40,7 +40,7 @@ pub const CONTACT: Family = Family {
     make: contact,
 };
 
-fn contact(maker: &mut Maker) -> Made {
+fn contact(maker: &mut Maker) -> MadeScene {
     // Whole numbers below 2^24, and an upward direction whose length is exactly 7, so that all
     // distances are exact.
     let (up, unit, radius) = (dvec3(2.0, 6.0, -3.0), 2f64.powi(-19), 458_752.0);
@@ -96,7 +96,7 @@ pub const GRAZING: Family = Family {
     make: grazing,
 };
 
-fn grazing(maker: &mut Maker) -> Made {
+fn grazing(maker: &mut Maker) -> MadeScene {
     let EmptyScene { mut scene, count } = begin(maker, 0.5, 0);
     if maker.variant.is_multiple_of(2) {
         scene.spheres.push(sphere(1000.0, GREY, dvec3(0.0, -1001.0, 6.0)));
@@ -143,7 +143,7 @@ pub const LIGHTS: Family = Family {
     make: lights,
 };
 
-fn lights(maker: &mut Maker) -> Made {
+fn lights(maker: &mut Maker) -> MadeScene {
     let EmptyScene { mut scene, count } = begin(maker, 0.6, 0);
     // The vector (2, 6, 3) has length 7, and the mean of the corners is exact, so that a light can
     // be placed exactly on an object.
@@ -185,7 +185,7 @@ pub const CLOSED: Family = Family {
     make: closed,
 };
 
-fn closed(maker: &mut Maker) -> Made {
+fn closed(maker: &mut Maker) -> MadeScene {
     maker.side = maker.side.div_ceil([1, 1, 1, 2, 8][maker.variant]);
     let (level, camera) = (maker.value as usize, maker.square(0.3));
     let centre = dvec3(0.0, 0.0, if level < 2 { 0.25 } else { 1.5 });
@@ -196,7 +196,7 @@ fn closed(maker: &mut Maker) -> Made {
     scene.triangles = faces.into_iter().map(|face| triangle(GREY, face.map(turned))).collect();
     let lights = [0.5, 3.0].map(|far| centre + far * dvec3(0.6 * y, 0.6 * x, -0.8));
     scene.lights = vec![light(0.9, lights[level % 2])];
-    Made { covered: true, ..scene.into() }
+    MadeScene { covered: true, ..scene.into() }
 }
 
 pub const NEEDLES: Family = Family {
@@ -211,7 +211,7 @@ pub const NEEDLES: Family = Family {
     make: needles,
 };
 
-fn needles(maker: &mut Maker) -> Made {
+fn needles(maker: &mut Maker) -> MadeScene {
     let EmptyScene { mut scene, count } = empty(maker, 0.5, 1, 4.0);
     scene.triangles.extend(ground());
     let length = (200.0 / count as f64).sqrt().min(1.0);
@@ -237,7 +237,7 @@ pub const SCALES: Family = Family {
     make: scales,
 };
 
-fn scales(maker: &mut Maker) -> Made {
+fn scales(maker: &mut Maker) -> MadeScene {
     let EmptyScene { mut scene, count } = empty(maker, 0.5, 2, 40.0);
     let ratio = maker.value;
     scene.lights.extend([ratio, 1.0, 1.0 / ratio].map(|scale| {

@@ -3,7 +3,7 @@
 use glam::{DVec3, dvec3};
 
 use super::maker::{BLUE, GREEN, GREY, Maker, RED, sphere, tangent};
-use super::{Family, Level, Made, names, numbers};
+use super::{Family, Level, MadeScene, names, numbers};
 use rayo::internals::scene::Camera;
 
 /// Integers with a^2 + b^2 = c^2. A sphere of radius c whose centre is at (a, b) from the axis
@@ -25,7 +25,7 @@ pub const FAR: Family = Family {
     make: far,
 };
 
-fn far(maker: &mut Maker) -> Made {
+fn far(maker: &mut Maker) -> MadeScene {
     let kappa = maker.value;
     let radius = maker.between(0.5, 2.0);
     let seen = tangent(kappa, 2.0);
@@ -62,7 +62,7 @@ pub const TANGENT: Family = Family {
     make: touching,
 };
 
-fn touching(maker: &mut Maker) -> Made {
+fn touching(maker: &mut Maker) -> MadeScene {
     let kappa: f64 = if maker.variant == 1 { 1000.0 } else { 4.0 };
     let lights = if maker.variant == 2 { 2 } else { 1 };
     let (a, b, radius) = PYTHAGOREAN[(maker.rng.next_u64() % 4) as usize];
@@ -88,7 +88,7 @@ pub const SCALE: Family = Family {
     make: scaled,
 };
 
-fn scaled(maker: &mut Maker) -> Made {
+fn scaled(maker: &mut Maker) -> MadeScene {
     let unit = maker.value;
     let camera = maker.square(0.5);
     let mut scene = maker.scene(camera, 1 + usize::from(maker.variant != 1), 5.0 * unit);
@@ -117,7 +117,7 @@ pub const FILM: Family = Family {
     make: film,
 };
 
-fn film(maker: &mut Maker) -> Made {
+fn film(maker: &mut Maker) -> MadeScene {
     let focal = maker.value;
     // A changed focal length alone shows a wider or narrower part of the scene. The limb is on the
     // axis, so that there is always something to see.
@@ -160,7 +160,7 @@ pub const CAMERA: Family = Family {
     make: inside,
 };
 
-fn inside(maker: &mut Maker) -> Made {
+fn inside(maker: &mut Maker) -> MadeScene {
     // (2, 3, 6) has length exactly 7, so that the radius alone decides on which side of the surface
     // the camera is.
     let direction = [dvec3(2.0, 3.0, 6.0), dvec3(3.0, -2.0, -6.0), dvec3(-6.0, 3.0, 2.0)][maker.variant];
@@ -193,7 +193,7 @@ pub const GROUND: Family = Family {
     make: ground,
 };
 
-fn ground(maker: &mut Maker) -> Made {
+fn ground(maker: &mut Maker) -> MadeScene {
     let radius = maker.value as f32;
     // The camera's height above the ground is 1, or one unit in the last place of the radius if
     // that is more.
@@ -230,7 +230,7 @@ pub const NESTED: Family = Family {
     make: nested,
 };
 
-fn nested(maker: &mut Maker) -> Made {
+fn nested(maker: &mut Maker) -> MadeScene {
     let gap = maker.value;
     let camera = maker.square(0.4);
     let mut scene = maker.scene(camera, if maker.variant == 4 { 2 } else { 1 }, 5.0);
@@ -269,7 +269,7 @@ pub const BEHIND: Family = Family {
     make: behind,
 };
 
-fn behind(maker: &mut Maker) -> Made {
+fn behind(maker: &mut Maker) -> MadeScene {
     let camera = maker.square(2.0);
     let (x, y) = maker.turn();
     let mut scene = maker.scene(camera, 1 + maker.variant, 3.0);

@@ -4,7 +4,7 @@ use glam::{DVec3, dvec3};
 
 use super::maker::{BLUE, GREEN, GREY, Maker, RED, camera, icosphere, triangle};
 use super::spheres::SCALES;
-use super::{Family, Made, names, numbers};
+use super::{Family, MadeScene, names, numbers};
 
 pub const SLIVER: Family = Family {
     id: "T1",
@@ -18,7 +18,7 @@ pub const SLIVER: Family = Family {
     make: sliver,
 };
 
-fn sliver(maker: &mut Maker) -> Made {
+fn sliver(maker: &mut Maker) -> MadeScene {
     let height = 2.0 * maker.value;
     let (x, y) = maker.turn();
     // The midpoint of the long side is exactly on the axis.
@@ -46,7 +46,7 @@ pub const FAR: Family = Family {
     make: far,
 };
 
-fn far(maker: &mut Maker) -> Made {
+fn far(maker: &mut Maker) -> MadeScene {
     let distance = maker.value;
     let half = 0.8 / (distance + 0.5);
     let camera = maker.square(half);
@@ -76,7 +76,7 @@ pub const GRAZING: Family = Family {
     make: grazing,
 };
 
-fn grazing(maker: &mut Maker) -> Made {
+fn grazing(maker: &mut Maker) -> MadeScene {
     let slope = maker.value;
     let half = if slope == 0.0 { 1e-3 } else { slope };
     let camera = maker.square(half);
@@ -105,7 +105,7 @@ pub const LARGE: Family = Family {
     make: large,
 };
 
-fn large(maker: &mut Maker) -> Made {
+fn large(maker: &mut Maker) -> MadeScene {
     let length = maker.value;
     let camera = maker.square(0.5);
     let mut scene = maker.scene(camera, 1 + usize::from(maker.variant == 2), 1.0);
@@ -133,7 +133,7 @@ pub const SCALE: Family = Family {
     make: scaled,
 };
 
-fn scaled(maker: &mut Maker) -> Made {
+fn scaled(maker: &mut Maker) -> MadeScene {
     let unit = maker.value;
     let camera = maker.square(0.4);
     let mut scene = maker.scene(camera, 2 - maker.variant, 4.0 * unit);
@@ -167,7 +167,7 @@ pub const SHARED: Family = Family {
     make: shared,
 };
 
-fn shared(maker: &mut Maker) -> Made {
+fn shared(maker: &mut Maker) -> MadeScene {
     let (x, y) = maker.turn();
     let turned = |v: DVec3| dvec3(x * v.x - y * v.z, v.y, y * v.x + x * v.z);
     let kind = maker.value as usize;
@@ -203,7 +203,7 @@ fn shared(maker: &mut Maker) -> Made {
             scene
         }
     };
-    Made { covered, ..scene.into() }
+    MadeScene { covered, ..scene.into() }
 }
 
 /// A mesh over the whole picture whose vertices are exactly on rays, `cell` pixels apart.
@@ -273,7 +273,7 @@ fn ulps(v: DVec3, count: [i32; 3]) -> DVec3 {
     DVec3::from([(x, count[0]), (y, count[1]), (z, count[2])].map(|(x, count)| f64::from(further(x, count))))
 }
 
-fn degenerate(maker: &mut Maker) -> Made {
+fn degenerate(maker: &mut Maker) -> MadeScene {
     let camera = maker.square(0.8);
     let mut scene = maker.scene(camera, 1 + maker.variant, 4.0);
     let (p, along) = (dvec3(0.5, 0.25, 4.0), dvec3(-1.0, 0.5, 2.0));

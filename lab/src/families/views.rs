@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use glam::{DVec3, dvec3};
 
 use super::maker::{BLUE, GREEN, GREY, Maker, RED, light, sphere, triangle};
-use super::{Family, Level, Made, numbers};
+use super::{Family, Level, MadeScene, numbers};
 use rayo::internals::scene::Scene;
 
 /// For each variant of L3 the distance of the camera from the sphere's centre, in radii, and the
@@ -46,7 +46,7 @@ pub const NEAR_LIGHTS: Family = Family {
     make: near_light,
 };
 
-fn near_light(maker: &mut Maker) -> Made {
+fn near_light(maker: &mut Maker) -> MadeScene {
     let (kappa, intensity) = CAMERAS[maker.variant];
     let half = if kappa > 2.0 { 1.2 / kappa } else { 0.5 };
     let camera = maker.square(half);
@@ -96,7 +96,7 @@ pub const WIDE: Family = Family {
     make: wide,
 };
 
-fn wide(maker: &mut Maker) -> Made {
+fn wide(maker: &mut Maker) -> MadeScene {
     let half = maker.value;
     let camera = maker.square(half);
     let mut scene = maker.scene(camera, 1, 2.0 * half);

@@ -1,7 +1,7 @@
 //! Times in cycles of the core's own clock, which is measured with a chain of operations of known
 //! latency.
 
-use super::Watch;
+use super::ThreadWatch;
 use rayo::internals::kernels::Cycles;
 use rayo::internals::kernels::sys;
 
@@ -39,7 +39,7 @@ pub fn core_cycles_per_tick() -> f64 {
 /// than `least`, which is impossible; more are made if too few are left. None if none is left.
 pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) -> Option<f64> {
     let measured = std::iter::repeat_with(|| {
-        let watch = Watch::start();
+        let watch = ThreadWatch::start();
         let before = chain_ticks();
         let start = Cycles::start();
         let operations = action();

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use super::statistics;
-use super::watch::{Interruption, Watch};
+use super::watch::{Interruption, ThreadWatch};
 use rayo::internals::kernels::sys;
 use rayo::internals::kernels::{Cycles, tsc_hz};
 
@@ -82,7 +82,7 @@ fn counter_hz() -> Option<f64> {
 
 impl Clock for MachineClock {
     fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
-        let watch = Watch::start();
+        let watch = ThreadWatch::start();
         let ticks = if self.of_counter {
             let start = Cycles::start();
             work();

@@ -12,9 +12,8 @@ const LOOKS: Duration = Duration::from_micros(20);
 /// The clocks of the calling thread before the timed work. Time that the hypervisor takes shows
 /// only if the operating system accounts for it, and the use of shared caches by other threads does
 /// not show at all.
-/// caches by other threads does not show at all.
 #[derive(Clone, Copy, Debug)]
-pub struct Watch {
+pub struct ThreadWatch {
     switches: sys::Usage,
     own: Duration,
     start: Instant,
@@ -29,10 +28,10 @@ pub struct Interruption {
     pub own: Option<Duration>,
 }
 
-impl Watch {
+impl ThreadWatch {
     /// Reads the clocks now.
     pub fn start() -> Self {
-        Watch { switches: sys::Usage::of_this_thread(), own: sys::thread_cpu_time(), start: Instant::now() }
+        ThreadWatch { switches: sys::Usage::of_this_thread(), own: sys::thread_cpu_time(), start: Instant::now() }
     }
 
     /// What happened since `start`. A thread that has only waited, for others of its team, has not
@@ -99,7 +98,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn who_sleeps_has_not_lost_the_core() {
-        let watch = Watch::start();
+        let watch = ThreadWatch::start();
         std::thread::sleep(Duration::from_millis(5));
         let taken = watch.taken();
         let forced = sys::Usage::of_this_thread().forced > watch.switches.forced;

@@ -84,10 +84,10 @@ fn wide(numbers: [&[u32]; 3], at: usize) -> DVec3 {
 
 /// A single number in f64, without fused operations, by which the reference's decisions are
 /// repeated.
-type One = Packet<f64, 1, false>;
+type ScalarF64 = Packet<f64, 1, false>;
 
-fn one(v: DVec3) -> [One; 3] {
-    v.to_array().each(One::of)
+fn one(v: DVec3) -> [ScalarF64; 3] {
+    v.to_array().each(ScalarF64::of)
 }
 
 /// Whether a ray is inside all edges of a triangle whose volume has the sign of `side`:
@@ -183,7 +183,7 @@ impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
     fn hits(&self, of: &TriangleArrays, at: usize, d: DVec3) -> bool {
         let [a, b, c] = [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
             .each(|corner| wide(corner.each(|numbers| &numbers[..]), at));
-        is_in_triangle([a, b, c].each(one), One::of(self.side[at].to_f64()), one(d))
+        is_in_triangle([a, b, c].each(one), ScalarF64::of(self.side[at].to_f64()), one(d))
     }
 }
 
@@ -226,7 +226,7 @@ impl<L: Lanes> Planes<L> for SpherePlanes<L::Number> {
         sphere_inverse(functions.h, x + offset, d, most)
     }
     fn hits(&self, of: &SphereArrays, at: usize, d: DVec3) -> bool {
-        is_in_sphere(one(wide([&of.x, &of.y, &of.z], at)), One::of(f32::from_bits(of.radius[at]).into()), one(d))
+        is_in_sphere(one(wide([&of.x, &of.y, &of.z], at)), ScalarF64::of(f32::from_bits(of.radius[at]).into()), one(d))
     }
 }
 

@@ -59,7 +59,7 @@ pub fn points<L: Lanes, W: Lanes<Number = f64>>(
 /// Points p, for each the sum of the magnitudes of its coordinates and the number of its object,
 /// and the vector g from p to a light.
 #[derive(Clone, Copy)]
-pub struct Asked<W> {
+pub struct Query<W> {
     pub p: [W; 3],
     pub size: W,
     pub own: W,
@@ -67,28 +67,28 @@ pub struct Asked<W> {
 }
 
 /// An object that may hide a light from points.
-pub trait Hides: Plain {
+pub trait HidesLight: Plain {
     /// A mask of the points that the object hides.
-    fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W;
+    fn hides<W: Lanes<Number = f64>>(&self, points: &Query<W>) -> W;
 }
 
-impl Hides for TriangleCaster<f64> {
+impl HidesLight for TriangleCaster<f64> {
     #[inline(always)]
-    fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W {
+    fn hides<W: Lanes<Number = f64>>(&self, points: &Query<W>) -> W {
         triangle_hides(self, points)
     }
 }
 
-impl Hides for SphereCaster<f64> {
+impl HidesLight for SphereCaster<f64> {
     #[inline(always)]
-    fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W {
+    fn hides<W: Lanes<Number = f64>>(&self, points: &Query<W>) -> W {
         sphere_hides(self, points)
     }
 }
 
 /// A mask of the points that a triangle hides: TRIANGLE_HIDES.
 #[inline(always)]
-pub fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked { p, size, own, .. }: &Asked<W>) -> W {
+pub fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Query { p, size, own, .. }: &Query<W>) -> W {
     let all = W::all;
     let plane = |x, y, z, at_0| all(at_0).fma(p[0], all(x)).fma(p[1], all(y)).fma(p[2], all(z));
     let first = plane(of.e1x, of.e1y, of.e1z, of.e10);
@@ -101,7 +101,7 @@ pub fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked {
 
 /// A mask of the points that a sphere hides: SPHERE_HIDES.
 #[inline(always)]
-pub fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Asked { p, size, own, g }: &Asked<W>) -> W {
+pub fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Query { p, size, own, g }: &Query<W>) -> W {
     let (all, zero) = (W::all, W::of(0.0));
     let from = |x, y, z| zip(p, [x, y, z].each(all), |p, x| p - x);
     let outside = dot(from(of.ux, of.uy, of.uz), from(of.wx, of.wy, of.wz)) + all(of.k);
@@ -332,7 +332,7 @@ pub fn meet<L: Lanes<Number = f32>>(
 }
 
 /// Closes the open points of groups that an object hides from the light.
-pub fn open<W: Lanes<Number = f64>, C: Hides>(
+pub fn open<W: Lanes<Number = f64>, C: HidesLight>(
     &LitPoints { points, light }: &LitPoints<'_>,
     objects: &[C],
     casters: &CasterList,
@@ -350,7 +350,7 @@ pub fn open<W: Lanes<Number = f64>, C: Hides>(
             let p = [&points.x, &points.y, &points.z].each(|axis| W::load(&axis[first..]));
             let own = W::from_fn(|i| points.own[first + i].into());
             let size = W::of(0.0) + p[0].abs() + p[1].abs() + p[2].abs();
-            let points = Asked { p, size, own, g: zip(light.each(W::all), p, |light, p| light - p) };
+            let points = Query { p, size, own, g: zip(light.each(W::all), p, |light, p| light - p) };
             let mut hidden = 0;
             for met in met {
                 let mask = objects[number(*met)].hides(&points);

@@ -28,11 +28,11 @@ pub struct Recorder {
     watched: Vec<Range<usize>>,
     /// The number of instructions executed in these ranges.
     executed: u64,
-    keeps: Keeps,
+    keeps: RecordedState,
 }
 
 /// What is kept. Memory for it is reserved, since the handler cannot allocate.
-enum Keeps {
+enum RecordedState {
     /// Only that an instruction was executed.
     Visits(Vec<Visit>),
     /// The registers as well.
@@ -53,11 +53,11 @@ struct Moments {
 
 impl Recorder {
     pub fn of_visits(watched: &[Range<usize>], most: usize) -> Result<Self, Unavailable> {
-        Ok(Recorder { watched: watched.into(), executed: 0, keeps: Keeps::Visits(room(most)?) })
+        Ok(Recorder { watched: watched.into(), executed: 0, keeps: RecordedState::Visits(room(most)?) })
     }
 
     pub fn of_moments(watched: &[Range<usize>], wanted: &[Range<u64>], most: usize) -> Result<Self, Unavailable> {
-        let keeps = Keeps::Moments(Moments {
+        let keeps = RecordedState::Moments(Moments {
             wanted: wanted.into(),
             most,
             // The state after the last instruction of each consecutive run is kept too.
@@ -70,18 +70,18 @@ impl Recorder {
 
     pub fn into_visits(self) -> VisitRecord {
         match self.keeps {
-            Keeps::Visits(visits) => {
+            RecordedState::Visits(visits) => {
                 let complete = visits.len() as u64 == self.executed;
                 VisitRecord { visits, complete }
             }
-            Keeps::Moments(_) => VisitRecord { visits: Vec::new(), complete: false },
+            RecordedState::Moments(_) => VisitRecord { visits: Vec::new(), complete: false },
         }
     }
 
     pub fn into_recording(self) -> Recording {
         let moments = match self.keeps {
-            Keeps::Visits(_) => Vec::new(),
-            Keeps::Moments(moments) => moments.kept,
+            RecordedState::Visits(_) => Vec::new(),
+            RecordedState::Moments(moments) => moments.kept,
         };
         Recording { moments, executed: self.executed, crashed: None }
     }
@@ -105,7 +105,7 @@ impl Recorder {
             unsafe { ptr::copy_nonoverlapping(rip as *const u8, code.as_mut_ptr(), length) };
         }
         match &mut self.keeps {
-            Keeps::Visits(visits) => {
+            RecordedState::Visits(visits) => {
                 if number.is_some() {
                     if visits.len() == visits.capacity() {
                         return true;
@@ -116,7 +116,7 @@ impl Recorder {
                 }
             }
             // SAFETY: the caller keeps the contract of this function.
-            Keeps::Moments(moments) => unsafe { moments.trap(context, number, code) },
+            RecordedState::Moments(moments) => unsafe { moments.trap(context, number, code) },
         }
         false
     }

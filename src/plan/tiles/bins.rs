@@ -22,13 +22,13 @@ pub(super) struct Bins {
     /// An object in more tiles than this is large. None: all objects are large, and are in all
     /// tiles.
     most_tiles: Option<usize>,
-    pieces: Vec<Piece>,
+    pieces: Vec<PieceLists>,
     /// The memory of the lists. A block has the lists of several pieces, and may have room for
     /// more.
     blocks: Vec<Vec<Candidate>>,
     /// The large objects, except those that are tall.
     large: Vec<Large>,
-    tall: Tall,
+    tall: TallObjects,
     /// Scratch memory for the runs of a piece.
     runs: Vec<Run>,
 }
@@ -36,14 +36,14 @@ pub(super) struct Bins {
 /// The large objects that are in few columns of tiles. They are looked at by the tiles of their
 /// columns alone; any other large object is looked at by all tiles of its rows.
 #[derive(Default)]
-struct Tall {
+struct TallObjects {
     objects: Vec<Large>,
     /// For each column of tiles the indices of the tall objects in it; empty if there are no tall
     /// objects.
     in_column: Vec<Vec<u32>>,
 }
 
-impl Tall {
+impl TallObjects {
     /// An object in more columns of tiles is not tall, since it would take memory in the list of
     /// each.
     const MOST_COLUMNS: usize = 4;
@@ -65,7 +65,7 @@ impl Tall {
                 in_column[column as usize].push(index as u32);
             }
         }
-        Tall { objects, in_column }
+        TallObjects { objects, in_column }
     }
 }
 
@@ -124,7 +124,7 @@ impl Run {
 }
 
 /// Where the lists of one piece of the scene are stored.
-struct Piece {
+struct PieceLists {
     /// The index of the piece in the scene.
     number: usize,
     block: usize,
@@ -204,13 +204,13 @@ impl Bins {
                 tiles.each(across, |tile| append(lists, &mut next[tile], run.of(candidates)));
             }
         }
-        self.pieces.push(Piece { number, block, starts });
+        self.pieces.push(PieceLists { number, block, starts });
     }
 
     /// Adds the pieces of other bins, and sorts all pieces by their order in the scene.
     pub(super) fn and(mut self, other: Self) -> Self {
         let blocks = self.blocks.len();
-        self.pieces.extend(other.pieces.into_iter().map(|piece| Piece { block: blocks + piece.block, ..piece }));
+        self.pieces.extend(other.pieces.into_iter().map(|piece| PieceLists { block: blocks + piece.block, ..piece }));
         self.pieces.sort_unstable_by_key(|piece| piece.number);
         self.blocks.extend(other.blocks);
         self.large.extend(other.large);
@@ -226,8 +226,8 @@ impl Bins {
         self.large.sort_unstable_by_key(Large::rank);
         if self.most_tiles.is_some() {
             let picture = self.picture;
-            let tall = self.large.extract_if(.., |large| Tall::is_tall(&large.candidate, picture)).collect();
-            self.tall = Tall::new(tall, picture);
+            let tall = self.large.extract_if(.., |large| TallObjects::is_tall(&large.candidate, picture)).collect();
+            self.tall = TallObjects::new(tall, picture);
         }
     }
 
@@ -347,7 +347,7 @@ impl Bins {
     }
 }
 
-impl Piece {
+impl PieceLists {
     /// The lists of a range of tiles.
     fn of<'a>(&self, tiles: Range<usize>, blocks: &'a [Vec<Candidate>]) -> &'a [Candidate] {
         &blocks[self.block][self.starts[tiles.start] as usize..self.starts[tiles.end] as usize]

@@ -34,16 +34,16 @@ pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Res
         Format::Png => Box::new(PngJoin::new(sink, extent)?),
         Format::Ppm => {
             write!(sink, "P6\n{width} {height}\n255\n")?;
-            Box::new(InOrder { sink })
+            Box::new(AppendJoin { sink })
         }
         Format::PpmText => {
             write!(sink, "P3\n{width} {height}\n255\n")?;
-            Box::new(InOrder { sink })
+            Box::new(AppendJoin { sink })
         }
         Format::Pfm => Box::new(BottomUp::new(sink, width, height)?),
         Format::Exr => Box::new(Threaded::exr(sink, extent)),
         Format::Hdr | Format::Tiff | Format::Qoi => {
-            Box::new(Whole { format, sink, size: (width, height), pixels: Vec::new() })
+            Box::new(BufferedPicture { format, sink, size: (width, height), pixels: Vec::new() })
         }
     })
 }
@@ -70,11 +70,11 @@ pub(super) fn needs_seeking(format: Format) -> bool {
 }
 
 /// Writes the parts to the file one after the other.
-struct InOrder {
+struct AppendJoin {
     sink: Sink,
 }
 
-impl Join for InOrder {
+impl Join for AppendJoin {
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
         self.sink.write_all(&part)
     }
@@ -201,7 +201,7 @@ impl Encode for Hdr {
 
 /// Keeps the pixels of a picture until it is complete, for formats whose libraries take it as a
 /// whole.
-struct Whole {
+struct BufferedPicture {
     format: Format,
     sink: Sink,
     size: (u32, u32),
@@ -209,7 +209,7 @@ struct Whole {
     pixels: Vec<u8>,
 }
 
-impl Join for Whole {
+impl Join for BufferedPicture {
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
         if self.pixels.is_empty() {
             try_reserve(&mut self.pixels, whole_bytes(self.format, self.size) as usize)?;
@@ -219,7 +219,7 @@ impl Join for Whole {
     }
 
     fn finish(self: Box<Self>) -> io::Result<()> {
-        let Whole { format, mut sink, size: (width, height), pixels } = *self;
+        let BufferedPicture { format, mut sink, size: (width, height), pixels } = *self;
         match format {
             Format::Hdr => {
                 let encoder = HdrEncoder::new(sink);

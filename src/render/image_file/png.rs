@@ -121,7 +121,7 @@ const END: [u8; 12] = *b"\0\0\0\0IEND\xaeB`\x82";
 /// A file that seems to have its last chunk even if it ends before it, since some programs do not
 /// write that chunk. If the file ends within another chunk, these bytes cannot be taken for the
 /// rest of that.
-struct Ended<R> {
+struct WithMissingEnd<R> {
     reader: R,
     /// How many bytes of the last chunk have been read instead of the file's.
     read: usize,
@@ -129,7 +129,7 @@ struct Ended<R> {
     is_short: Rc<Cell<bool>>,
 }
 
-impl<R: BufRead> BufRead for Ended<R> {
+impl<R: BufRead> BufRead for WithMissingEnd<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.reader.fill_buf()?.is_empty() {
             self.is_short.set(true);
@@ -147,7 +147,7 @@ impl<R: BufRead> BufRead for Ended<R> {
     }
 }
 
-impl<R: BufRead> Read for Ended<R> {
+impl<R: BufRead> Read for WithMissingEnd<R> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let count = self.fill_buf()?.read(out)?;
         self.consume(count);
@@ -155,7 +155,7 @@ impl<R: BufRead> Read for Ended<R> {
     }
 }
 
-impl<R: Seek> Seek for Ended<R> {
+impl<R: Seek> Seek for WithMissingEnd<R> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.read = 0;
         self.is_short.set(false);
@@ -166,7 +166,7 @@ impl<R: Seek> Seek for Ended<R> {
 /// Decodes only the pixels. Texts and colour profiles, which may unpack to a thousand times the
 /// file's size, are skipped.
 pub(super) struct PngDecoder<R: BufRead + Seek> {
-    reader: png::Reader<Ended<R>>,
+    reader: png::Reader<WithMissingEnd<R>>,
     /// Whether the file ended too early for a whole picture.
     is_short: Rc<Cell<bool>>,
 }
@@ -181,7 +181,7 @@ impl<R: BufRead + Seek> PngDecoder<R> {
             return Err(ImageError::Unsupported(UnsupportedError::from_format_and_kind(ImageFormat::Png.into(), kind)));
         }
         let is_short = Rc::new(Cell::new(false));
-        let reader = Ended { reader, read: 0, is_short: Rc::clone(&is_short) };
+        let reader = WithMissingEnd { reader, read: 0, is_short: Rc::clone(&is_short) };
         let mut decoder = png::Decoder::new_with_limits(reader, png::Limits { bytes });
         decoder.ignore_checksums(false);
         decoder.set_ignore_text_chunk(true);

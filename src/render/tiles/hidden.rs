@@ -16,7 +16,7 @@ use std::ops::Range;
 use crate::kernels::{
     Extent, GROUP, GROUPS, LitGroups, LitPoints, MOST_CASTERS, PacketKernels, Plain, TILE_PIXELS, TilePoints,
 };
-use crate::plan::{Casters, Ends, LightSide, TileSurvey, Window};
+use crate::plan::{Casters, LightSide, SideBounds, TileSurvey, Window};
 
 /// More objects than this in front of a tile's points are a crowd. With half this limit, a scene of
 /// 100,000 small triangles takes 1.1 times as long (Zen 3).
@@ -299,7 +299,7 @@ impl<'a> OcclusionQuery<'a, '_> {
 }
 
 /// The bounds of the open points of some groups on a side; infinite if there are none.
-fn ends(LitGroups { x, y, past_x, past_y, depth, open, .. }: &LitGroups, part: Range<usize>) -> Ends {
+fn ends(LitGroups { x, y, past_x, past_y, depth, open, .. }: &LitGroups, part: Range<usize>) -> SideBounds {
     [x, y, past_x, past_y, depth].map(|field| least_of_open(&field[part.clone()], &open[part.clone()]))
 }
 

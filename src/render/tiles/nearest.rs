@@ -140,7 +140,7 @@ impl<E> TileObjects<E> {
 }
 
 /// A callback that is given the nearest objects found so far.
-pub(super) type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &TileObjects<E>);
+pub(super) type NearestSoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &TileObjects<E>);
 
 impl<E: Element> TileTracer<'_, E> {
     /// Finds the nearest objects at the pixels of a tile; false if the tile has no candidate.
@@ -151,7 +151,7 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         // This is not the last argument because it is a pair of pointers: passed on the stack it
         // would be stored in two halves and loaded as a whole, which has to wait for both stores.
-        so_far: Option<SoFar<'_, E>>,
+        so_far: Option<NearestSoFar<'_, E>>,
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
     ) -> bool {
@@ -386,7 +386,7 @@ struct TriangleSearch<'a, 't, 'f, E: Element> {
     window: &'a TileWindow,
     weighted: &'a Weighted,
     view: TileView<f64>,
-    so_far: Option<SoFar<'f, E>>,
+    so_far: Option<NearestSoFar<'f, E>>,
     objects: &'a mut TileObjects<E>,
     /// The id of the tile's first triangle.
     first_triangle: usize,

@@ -8,7 +8,7 @@ use std::mem;
 
 use glam::Vec3;
 
-use super::{Field, MAX_PIXELS, MAX_SIDE, Owner, Parts, Rule, Stop, TRIANGLES, scene, whole};
+use super::{Field, ListItem, MAX_PIXELS, MAX_SIDE, Rule, SceneSource, Stop, TRIANGLES, scene, whole};
 use crate::scene::chunks::SharedFile;
 use crate::scene::log::BYTE_ORDER_MARK;
 use crate::scene::mistaken::recognise;
@@ -82,7 +82,7 @@ impl Streamed<'_> {
     }
 }
 
-impl Parts for Streamed<'_> {
+impl SceneSource for Streamed<'_> {
     fn size(&mut self) -> Result<(u32, u32), Stop> {
         let mut side = || {
             let side = self.token(|token| whole(token).ok())?;
@@ -129,7 +129,7 @@ impl Parts for Streamed<'_> {
         Some(triangle)
     }
 
-    fn note_no_area(&mut self, triangle: Owner) -> Result<(), Stop> {
+    fn note_no_area(&mut self, triangle: ListItem) -> Result<(), Stop> {
         self.no_area.add(triangle.number, self.length - self.left);
         Ok(())
     }
@@ -244,7 +244,7 @@ impl NoAreaPlaces {
             let mut lines =
                 LineCount { text: open(0).ok()?.take(last.end as u64), at: 0, line: 1, after_return: false };
             for NoAreaPlace { number, end } in self.first {
-                let triangle = Owner { one: TRIANGLES.one, number };
+                let triangle = ListItem { one: TRIANGLES.one, number };
                 let line = lines.line_of(end).ok()?;
                 no_area.add(name, &triangle.to_string(), || line);
             }

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use super::{Section, counted, section, words};
 use crate::table::Table;
 use rayo::internals::plan::grouped;
-use rayo_lab::experiments::gallery::{Shot, Shown, farthest};
+use rayo_lab::experiments::gallery::{ScenePictures, Shot, farthest};
 use rayo_lab::experiments::report::{Planned, Results, Stage};
 use rayo_lab::experiments::svg::PlotError;
 
@@ -58,7 +58,7 @@ struct Side<'a> {
 }
 
 /// The picture of the reference, the picture that differs most from it, and their difference.
-fn sides(shown: &Shown) -> Vec<Side<'_>> {
+fn sides(shown: &ScenePictures) -> Vec<Side<'_>> {
     let mut sides = Vec::new();
     if let Some((reference, png)) = shown.pictures.first().and_then(|shot| Some((&shot.engine, shot.png.as_deref()?))) {
         sides.push(Side { name: reference.to_string(), png });
@@ -71,8 +71,8 @@ fn sides(shown: &Shown) -> Vec<Side<'_>> {
     sides
 }
 
-fn flip(shown: &Shown, number: usize) -> Markup {
-    let Shown { scene, width, height, .. } = shown;
+fn flip(shown: &ScenePictures, number: usize) -> Markup {
+    let ScenePictures { scene, width, height, .. } = shown;
     let sides = sides(shown);
     let id = |place: usize| format!("picture-{number}-{place}");
     html! {
@@ -93,7 +93,7 @@ fn flip(shown: &Shown, number: usize) -> Markup {
 
 /// A table of how far each engine's picture is from the reference's. Engines with the same picture
 /// share a row.
-fn apart(shown: &Shown) -> Markup {
+fn apart(shown: &ScenePictures) -> Markup {
     let mut table = Table::new(1, ["engine", "pixels that differ", "by levels, at most"]);
     for shot in shown.pictures.iter().skip(1).filter(|shot| shot.like.is_none()) {
         table.row(vec![like(shown, shot), grouped(shot.differing, ' '), format!("{}", shot.largest)]);
@@ -108,7 +108,7 @@ fn apart(shown: &Shown) -> Markup {
 }
 
 /// The name of an engine, and of those with the same picture.
-fn like(shown: &Shown, shot: &Shot) -> String {
+fn like(shown: &ScenePictures, shot: &Shot) -> String {
     let like = shown.pictures.iter().filter(|other| other.like.as_ref() == Some(&shot.engine));
     [&*shot.engine].into_iter().chain(like.map(|other| &*other.engine)).collect::<Vec<_>>().join(", ")
 }

@@ -16,10 +16,10 @@ const MARKS: [Mark; 3] = [Mark::Dot, Mark::Triangle, Mark::Square];
 const TICKS: [f64; 11] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0];
 
 /// A scene's name, and for each omission the ratio of the time without it to the plan's.
-pub type Worth<'a> = (String, Vec<(&'a str, Timed)>);
+pub type OmissionGain<'a> = (String, Vec<(&'a str, Timed)>);
 
 /// Draws a line for each omission, sorted by its largest gain in any scene, on a logarithmic scale.
-pub fn figure(scenes: &[Worth<'_>]) -> Result<String, PlotError> {
+pub fn figure(scenes: &[OmissionGain<'_>]) -> Result<String, PlotError> {
     let ratios = || scenes.iter().flat_map(|(_, lines)| lines).filter_map(|(name, timed)| Some((*name, timed.ratio?)));
     let mut most = BTreeMap::new();
     for (name, ratio) in ratios() {

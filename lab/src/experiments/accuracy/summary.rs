@@ -3,13 +3,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Accuracy, Who};
+use super::{Accuracy, Label};
 use crate::measure::Name;
 
 /// The results of an engine, precision and output over all scenes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    pub who: Who,
+    pub who: Label,
     pub scenes: usize,
     /// Wrong hits outside of the margin, in all scenes.
     pub wrong_hits: usize,
@@ -28,7 +28,7 @@ pub struct Summary {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Reason {
     #[serde(flatten)]
-    pub who: Who,
+    pub who: Label,
     /// The reason in one sentence.
     pub reason: Name,
 }
@@ -69,7 +69,7 @@ pub fn off_every_front(rows: &[Accuracy]) -> Vec<Reason> {
 }
 
 /// Why the program has an engine and precision although another may be as accurate and faster.
-pub fn reason(who: &Who) -> &'static str {
+pub fn reason(who: &Label) -> &'static str {
     match (&*who.engine, &*who.precision, &*who.output) {
         _ if who.option.is_some() => {
             "It does all that the plan leaves out: the same bytes in more time, which is what leaving out is worth."

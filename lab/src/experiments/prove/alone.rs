@@ -11,7 +11,7 @@ use crate::experiments::step::model::Number as Format;
 use rayo::internals::kernels::harness::lanes::{self, Lanes, Packet};
 use rayo::internals::kernels::harness::nearest::{self, Planes};
 use rayo::internals::kernels::harness::set_up::{self, Volume};
-use rayo::internals::kernels::harness::shadows::{self, Asked};
+use rayo::internals::kernels::harness::shadows::{self, Query};
 use rayo::internals::kernels::harness::{rows, shade, spheres};
 use rayo::internals::kernels::{
     self, Alone, CasterEdges, Isa, LitSphere, ObjectLight, Plain, ShortLight, SphereArrays, SphereCaster, SpherePlanes,
@@ -188,13 +188,13 @@ fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -
         "triangle_hides" => {
             let caster = record!(arguments, TriangleCaster<f64>: e1x e1y e1z e10 e2x e2y e2z e20 e3x e3y e3z e30
                 px py pz p0 bound own);
-            let points = Asked { p: arguments.three(0), size: a(3), own: a(4), g: [W::of(0.0); 3] };
+            let points = Query { p: arguments.three(0), size: a(3), own: a(4), g: [W::of(0.0); 3] };
             vec![shadows::triangle_hides(&caster, &points).and(W::of(1.0))]
         }
         "sphere_hides" => {
             let caster = record!(arguments, SphereCaster<f64>: x y z ux uy uz wx wy wz k lx ly lz far r2 side most past
                 bound own);
-            let points = Asked { p: arguments.three(0), size: a(6), own: a(7), g: arguments.three(3) };
+            let points = Query { p: arguments.three(0), size: a(6), own: a(7), g: arguments.three(3) };
             vec![shadows::sphere_hides(&caster, &points).and(W::of(1.0))]
         }
         _ => in_both(name, arguments),

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Stability, Worst};
+use super::{Stability, WorstFigure};
 
 /// The limits of every engine on every family. `c` and `paper` have limits too, which show how far
 /// the paper's formulas hold. Engines with the same limits share a line.
@@ -25,7 +25,7 @@ pub struct Measure {
     promised: f64,
 }
 
-/// The measures, in the order of [`Figures`] and of the columns: errors at the worst level, then
+/// The measures, in the order of [`MeasureValues`] and of the columns: errors at the worst level, then
 /// shares of that level's rays.
 pub const MEASURES: [Measure; 7] = [
     Measure { column: "max_ulp", words: "the error of t in ulp", small: 0.1, least: 0.0, promised: f64::INFINITY },
@@ -62,7 +62,7 @@ const FEW: f64 = 1e-3;
 /// bounds them on every CPU.
 const MANY: f64 = 0.1;
 /// A number for each of [`MEASURES`].
-pub type Figures = [f64; MEASURES.len()];
+pub type MeasureValues = [f64; MEASURES.len()];
 
 /// A proposed limit is the measured figure times this factor, since another seed may be a little
 /// worse.
@@ -77,7 +77,7 @@ struct Limit {
     /// The names of the engines, separated by spaces.
     engines: String,
     precision: String,
-    most: Figures,
+    most: MeasureValues,
 }
 
 /// All limits.
@@ -122,7 +122,7 @@ impl Limits {
                 return Err(wrong());
             };
             let numbers = numbers.iter().map(|number| number.parse::<f64>()).collect::<Result<Vec<_>, _>>();
-            let most = numbers.ok().and_then(|numbers| Figures::try_from(numbers).ok()).ok_or_else(wrong)?;
+            let most = numbers.ok().and_then(|numbers| MeasureValues::try_from(numbers).ok()).ok_or_else(wrong)?;
             let [family, engines, precision] = [family, engine, precision].map(|name| (*name).to_owned());
             Ok(Limit { family, engines, precision, most })
         });
@@ -147,8 +147,8 @@ impl Limits {
         };
         let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
         let above = checks.filter(|((_, worst), most)| worst.figure > *most || worst.figure.is_nan());
-        let why = |((measure, worst), most): ((&Measure, Worst), f64)| {
-            let Worst { figure, case, of_case } = worst;
+        let why = |((measure, worst), most): ((&Measure, WorstFigure), f64)| {
+            let WorstFigure { figure, case, of_case } = worst;
             // The figure that `replay`'s command will show, which runs this case alone.
             let [found, alone] = [figure, of_case].map(two_digits);
             let alone = if alone == found { String::new() } else { format!(" ({alone} of case {case} alone)") };
@@ -175,7 +175,7 @@ pub fn table(rows: &[Stability]) -> String {
     let mut text = header() + "\n";
     for row in rows {
         let Stability { family, engine, precision, .. } = row;
-        let limit = |(measure, worst): (&Measure, Worst)| {
+        let limit = |(measure, worst): (&Measure, WorstFigure)| {
             let (Measure { least, promised, .. }, found) = (*measure, worst.figure);
             let room = if found > 0.0 { (ROOM * found).max(least) } else { 0.0 };
             two_digits(if found <= promised { room.min(promised) } else { room })
@@ -210,11 +210,11 @@ mod tests {
     /// A row whose largest error of t is `worst`, in case 7, and whose share of wrong hits is
     /// `wrong_share`, worst in case 5.
     fn row(worst: f64, wrong_share: f64) -> Stability {
-        let of_case = |figure, case| Worst { figure, case, of_case: figure };
+        let of_case = |figure, case| WorstFigure { figure, case, of_case: figure };
         let mut worst_by = [of_case(0.0, 3); MEASURES.len()];
         worst_by[..2].copy_from_slice(&[of_case(worst, 7), of_case(0.5, 7)]);
         // One of three cases has all of the wrong hits.
-        worst_by[WRONG] = Worst { of_case: 3.0 * wrong_share, ..of_case(wrong_share, 5) };
+        worst_by[WRONG] = WorstFigure { of_case: 3.0 * wrong_share, ..of_case(wrong_share, 5) };
         Stability {
             family: "S1".into(),
             engine: "avx2".into(),

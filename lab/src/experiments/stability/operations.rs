@@ -151,7 +151,7 @@ fn rounded_point(narrow: bool, point: DVec3) -> DVec3 {
 }
 
 /// The distances that an operation returns, and its time.
-struct Answers {
+struct TimedDistances {
     /// t of each ray.
     t: Vec<f64>,
     /// The nanoseconds of all rays in the fastest run.
@@ -159,7 +159,7 @@ struct Answers {
 }
 
 /// A shape, some rays, and the true result of each ray.
-struct Held<E> {
+struct ShapeAndRays<E> {
     record: Vec<E>,
     unit: f64,
     rays: Vec<[E; 3]>,
@@ -241,16 +241,16 @@ fn aimed<E: PacketElement>(at: &Parallelogram, count: usize, rng: &mut Rng) -> V
     (0..count).map(|_| ray(rng)).collect()
 }
 
-impl<E: PacketElement> Held<E> {
+impl<E: PacketElement> ShapeAndRays<E> {
     fn of(shape: Shape, rays: Vec<[E; 3]>) -> Self {
         let exact: Vec<_> = rays.iter().map(|ray| ray.map(|x| x.to_f64())).collect();
         let reach = reach_of(&rays);
         let InUnits { record, unit } = shape.record(reach);
-        Held { record, unit, rays, expected: shape.expected(&exact, reach) }
+        ShapeAndRays { record, unit, rays, expected: shape.expected(&exact, reach) }
     }
 
     /// Calls the operation `runs` times.
-    fn call(&self, op: &PacketOp<E>, runs: usize) -> Answers {
+    fn call(&self, op: &PacketOp<E>, runs: usize) -> TimedDistances {
         let packets = packed(&self.rays, op.lanes);
         let mut out = vec![E::default(); packets.len() / 3];
         let mut fastest = f64::INFINITY;
@@ -260,7 +260,7 @@ impl<E: PacketElement> Held<E> {
             fastest = fastest.min(start.elapsed().as_secs_f64());
         }
         let t = out.iter().take(self.rays.len()).map(|t| self.unit * t.to_f64()).collect();
-        Answers { t, ns: 1e9 * fastest }
+        TimedDistances { t, ns: 1e9 * fastest }
     }
 }
 
@@ -334,7 +334,7 @@ fn usable() -> impl Iterator<Item = Isa> {
 }
 
 /// One operation and the values of one parameter.
-struct Over<'a> {
+struct SweptOp<'a> {
     id: &'static str,
     operation: &'static str,
     /// The values as they are printed; `ordinary` is the index of the ordinary one.
@@ -352,12 +352,12 @@ fn of_element<E: PacketElement>(
     let usual = family.levels[family.ordinary].value;
     let ordinary = values.iter().position(|value| *value == usual).expect("the ordinary value is one of them");
     let written: Vec<_> = values.iter().map(|value| Level { value: *value, label: "" }.to_string()).collect();
-    let over = Over { id: family.id, operation: sweep.operation, values: &written, ordinary };
+    let over = SweptOp { id: family.id, operation: sweep.operation, values: &written, ordinary };
     rows_of::<E>(&over, |i| {
         let mut rng = Rng::new(seed ^ ((i as u64) << 32));
         let object = |_| {
             let Target { shape, parallelogram } = (sweep.make)(values[i], &mut rng);
-            Held::of(shape, aimed::<E>(&parallelogram, rays.div_ceil(OBJECTS), &mut rng))
+            ShapeAndRays::of(shape, aimed::<E>(&parallelogram, rays.div_ceil(OBJECTS), &mut rng))
         };
         (0..OBJECTS).map(object).collect()
     })
@@ -381,18 +381,18 @@ fn of_pictures<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec
         }
     };
     // The objects of a scene share the rays of its picture.
-    let held = |level: usize, operation: &str| -> Vec<Held<E>> {
+    let held = |level: usize, operation: &str| -> Vec<ShapeAndRays<E>> {
         let cases = (0..variants).map(|i| family.case(level * variants + i, seed, side(family, quick)).scene);
         let of_case = |scene: Scene| {
             let (shapes, rays) = (shapes(&scene, operation), rays_of::<E>(&scene.camera));
             let share = |i: usize| rays.iter().skip(i).step_by(shapes.len()).copied().collect();
-            shapes.iter().enumerate().map(|(i, shape)| Held::of(*shape, share(i))).collect::<Vec<_>>()
+            shapes.iter().enumerate().map(|(i, shape)| ShapeAndRays::of(*shape, share(i))).collect::<Vec<_>>()
         };
         cases.flat_map(of_case).collect()
     };
     let values: Vec<_> = family.levels.iter().map(ToString::to_string).collect();
     let operation = if family.id.starts_with('S') { "sphere" } else { "triangle" };
-    let over = Over { id: family.id, operation, values: &values, ordinary: family.ordinary };
+    let over = SweptOp { id: family.id, operation, values: &values, ordinary: family.ordinary };
     rows_of(&over, |level| held(level, operation))
 }
 
@@ -411,7 +411,7 @@ impl FoundAtValue {
 
 /// A row for each instruction set. `held` makes the shapes at a value, with their rays and true
 /// results.
-fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E>>) -> Vec<OperationRow> {
+fn rows_of<E: PacketElement>(over: &SweptOp<'_>, held: impl Fn(usize) -> Vec<ShapeAndRays<E>>) -> Vec<OperationRow> {
     let isas: Vec<_> = usable().collect();
     // For each instruction set, what was found at each value.
     let mut found: Vec<Vec<FoundAtValue>> = isas.iter().map(|_| Vec::new()).collect();
@@ -425,7 +425,7 @@ fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E
 }
 
 /// Compares an operation with the truth of each ray, and times it.
-fn find_at_value<E: PacketElement>(op: &PacketOp<E>, held: &[Held<E>]) -> FoundAtValue {
+fn find_at_value<E: PacketElement>(op: &PacketOp<E>, held: &[ShapeAndRays<E>]) -> FoundAtValue {
     let mut tally = Tally::of_exact_rays(is_double::<E>());
     let mut ns = 0.0;
     for held in held {
@@ -442,8 +442,8 @@ fn find_at_value<E: PacketElement>(op: &PacketOp<E>, held: &[Held<E>]) -> FoundA
 }
 
 /// The row of an instruction set, from its results at each value.
-fn row_of<E: PacketElement>(over: &Over<'_>, isa: Isa, found: &[FoundAtValue]) -> OperationRow {
-    let Over { id, operation, values, ordinary } = *over;
+fn row_of<E: PacketElement>(over: &SweptOp<'_>, isa: Isa, found: &[FoundAtValue]) -> OperationRow {
+    let SweptOp { id, operation, values, ordinary } = *over;
     let largest = |of: fn(&Errors) -> Option<f64>| found.iter().filter_map(|found| of(&found.errors)).reduce(f64::max);
     let broken = found.iter().enumerate().filter(|(_, found)| found.breaks()).map(|(level, _)| level);
     let usual = found[ordinary].ns_per_object;
@@ -516,7 +516,7 @@ fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
 }
 
 /// A shape and rays, in which at most one number is not finite.
-struct Spoilt<E> {
+struct NonFiniteCase<E> {
     shape: Shape,
     rays: Vec<[E; 3]>,
 }
@@ -529,28 +529,28 @@ fn not_numbers_of<E: PacketElement>(sweep: &Sweep, seed: u64, rays: usize) -> Ve
     let reach = reach_of(&rays);
     let cases = spoilt_cases(shape, &rays);
     let values = [vec!["NaN".to_owned(); cases.len() - 1], vec!["infinity".into()]].concat();
-    let over = Over { id: "N1", operation: sweep.operation, values: &values, ordinary: 0 };
+    let over = SweptOp { id: "N1", operation: sweep.operation, values: &values, ordinary: 0 };
     let held = |case: usize| {
-        let Spoilt { shape, rays } = &cases[case];
+        let NonFiniteCase { shape, rays } = &cases[case];
         let InUnits { record, unit } = shape.record(reach);
         // Of the ordinary case, the first, only the time is used.
         let miss = TruePixel { hit: None, margin: f64::INFINITY };
         let expected = vec![miss; if case == 0 { 0 } else { rays.len() }];
-        vec![Held { record, unit, rays: rays.clone(), expected }]
+        vec![ShapeAndRays { record, unit, rays: rays.clone(), expected }]
     };
     rows_of(&over, held).into_iter().map(|row| OperationRow { rays: rays.len(), ..row }).collect()
 }
 
 /// First the shape and the rays as they are; then each number of the shape in turn NaN, and
 /// infinite; then each component of all rays NaN.
-fn spoilt_cases<E: PacketElement>(shape: Shape, rays: &[[E; 3]]) -> Vec<Spoilt<E>> {
-    let mut cases = vec![Spoilt { shape, rays: rays.to_vec() }];
+fn spoilt_cases<E: PacketElement>(shape: Shape, rays: &[[E; 3]]) -> Vec<NonFiniteCase<E>> {
+    let mut cases = vec![NonFiniteCase { shape, rays: rays.to_vec() }];
     let count = { shape }.numbers().len();
     for index in 0..count {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let mut shape = shape;
             *shape.numbers().swap_remove(index) = bad;
-            cases.push(Spoilt { shape, rays: rays.to_vec() });
+            cases.push(NonFiniteCase { shape, rays: rays.to_vec() });
         }
     }
     for axis in 0..3 {
@@ -558,7 +558,7 @@ fn spoilt_cases<E: PacketElement>(shape: Shape, rays: &[[E; 3]]) -> Vec<Spoilt<E
         for ray in &mut rays {
             ray[axis] = E::from_f64(f64::NAN);
         }
-        cases.push(Spoilt { shape, rays });
+        cases.push(NonFiniteCase { shape, rays });
     }
     cases
 }

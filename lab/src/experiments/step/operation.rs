@@ -12,31 +12,31 @@ use rayo::internals::scene::brief;
 pub const MOST: usize = 1000;
 
 pub struct Operation {
-    of: Of,
+    of: Implementation,
     a: [f32; 3],
     b: [f32; 3],
 }
 
-enum Of {
+enum Implementation {
     Paper(&'static str, OpRef),
     Packet(Isa, &'static PacketOp<f32>),
 }
 
-impl Of {
+impl Implementation {
     fn name(&self) -> &'static str {
         match self {
-            Of::Paper(name, _) => name,
-            Of::Packet(_, op) => op.name,
+            Implementation::Paper(name, _) => name,
+            Implementation::Packet(_, op) => op.name,
         }
     }
 
     /// How many numbers the second operand has.
     fn b_numbers(&self) -> usize {
         match self {
-            Of::Packet(_, op) => op.shape.b_numbers,
-            Of::Paper(_, OpRef::Scale(_)) => 1,
+            Implementation::Packet(_, op) => op.shape.b_numbers,
+            Implementation::Paper(_, OpRef::Scale(_)) => 1,
             // Whether a single-vector operation reads b is taken from its packet form.
-            Of::Paper(name, _) => {
+            Implementation::Paper(name, _) => {
                 let on_packets =
                     kernels::packet_ops::<f32>(Isa::Sse41).into_iter().flatten().find(|op| op.name == *name);
                 on_packets.map_or(3, |op| op.shape.b_numbers)
@@ -46,14 +46,14 @@ impl Of {
 }
 
 /// The operations of an engine whose operands are all vectors or numbers.
-fn on_vectors(engine: Engine, isa: Isa) -> Option<Vec<Of>> {
+fn on_vectors(engine: Engine, isa: Isa) -> Option<Vec<Implementation>> {
     if engine == Engine::Paper {
         let is_on_vectors = |op: &OpRef| matches!(op, OpRef::Vector(_) | OpRef::Scale(_) | OpRef::Scalar(_));
         let ops = kernels::paper()?.ops().filter(|(_, op)| is_on_vectors(op));
-        return Some(ops.map(|(name, op)| Of::Paper(name, op)).collect());
+        return Some(ops.map(|(name, op)| Implementation::Paper(name, op)).collect());
     }
     let ops = kernels::packet_ops::<f32>(isa)?.iter().filter(|op| op.shape.record == 0);
-    Some(ops.map(|op| Of::Packet(isa, op)).collect())
+    Some(ops.map(|op| Implementation::Packet(isa, op)).collect())
 }
 
 impl Operation {
@@ -67,7 +67,7 @@ impl Operation {
                     "`{name}` has no form on packets: --engine paper steps through the one that it has"
                 ));
             }
-            let list = ops.iter().map(Of::name).collect::<Vec<_>>().join(", ");
+            let list = ops.iter().map(Implementation::name).collect::<Vec<_>>().join(", ");
             return error(format!(
                 "there is no operation `{}` on vectors alone; there are: {list}; what takes objects is seen with a scene",
                 brief(name)
@@ -97,11 +97,11 @@ impl Operation {
         let (a, b) = (vector(self.a), vector(self.b));
         let of = |v: Vec4| vec![v.x, v.y, v.z];
         match self.of {
-            Of::Paper(_, OpRef::Vector(op)) => of(op.call(&a, &b)),
-            Of::Paper(_, OpRef::Scale(op)) => of(op.call(&a, &self.b[0])),
-            Of::Paper(_, OpRef::Scalar(op)) => vec![op.call(&a, &b)],
-            Of::Paper(..) => unreachable!("operations on vectors alone"),
-            Of::Packet(_, op) => {
+            Implementation::Paper(_, OpRef::Vector(op)) => of(op.call(&a, &b)),
+            Implementation::Paper(_, OpRef::Scale(op)) => of(op.call(&a, &self.b[0])),
+            Implementation::Paper(_, OpRef::Scalar(op)) => vec![op.call(&a, &b)],
+            Implementation::Paper(..) => unreachable!("operations on vectors alone"),
+            Implementation::Packet(_, op) => {
                 // All lanes hold the same vector; each of its components is a packet.
                 let packet = |vector: [f32; 3], numbers: usize| -> Vec<f32> {
                     vector[..numbers].iter().flat_map(|&v| vec![v; op.lanes]).collect()
@@ -120,7 +120,7 @@ impl Operation {
     pub fn check(&self) -> Result<(), Box<Failed>> {
         let vector = |[x, y, z]: [f32; 3]| Vec4::new(x, y, z);
         match self.of {
-            Of::Paper(name, op) => {
+            Implementation::Paper(name, op) => {
                 let (a, b) = (vector(self.a), vector(self.b));
                 let input = match op {
                     OpRef::Scale(_) => Input::Scale(a, self.b[0]),
@@ -128,7 +128,7 @@ impl Operation {
                 };
                 check::one(op, &input, &|input| twins::of_macros(Form::Paper, name, input)).map(drop)
             }
-            Of::Packet(isa, op) => check::one_on_packets(op, isa, &self.a, &self.b[..op.shape.b_numbers]),
+            Implementation::Packet(isa, op) => check::one_on_packets(op, isa, &self.a, &self.b[..op.shape.b_numbers]),
         }
     }
 }

@@ -79,14 +79,14 @@ pub struct ElementError {
 /// The shadows that an instruction makes. They are collected before the shadows of overwritten
 /// elements are dropped.
 #[derive(Default)]
-struct Made {
+struct NewShadows {
     values: Vec<(Element, Value)>,
     errors: Vec<ElementError>,
     overturned: Vec<usize>,
     restarted: Vec<Element>,
 }
 
-impl Made {
+impl NewShadows {
     /// Records a copied number with its shadow, if it has one, or a number that counts as exact
     /// from here on.
     fn moved(&mut self, at: Element, format: Number, bits: u64, shadow: Option<Exact>) {
@@ -162,7 +162,7 @@ impl Shadow {
         };
         let check = check(step, &operations);
         let to: Vec<_> = operations.iter().filter(|operation| !is_kept(operation)).map(|o| o.to).collect();
-        let mut made = Made::default();
+        let mut made = NewShadows::default();
         if check.differences.is_empty() {
             self.compute(step, &operations, &mut made);
             self.copy(step, &operations, &mut made);
@@ -172,7 +172,7 @@ impl Shadow {
             let wrong = check.differences.iter().map(|difference| difference.at);
             made.restarted = self.end(&to.into_iter().chain(wrong).collect::<Vec<_>>());
         }
-        let Made { errors, overturned, restarted, .. } = made;
+        let NewShadows { errors, overturned, restarted, .. } = made;
         StepError { operations, check: Ok(check), errors, overturned, restarted }
     }
 
@@ -209,7 +209,7 @@ impl Shadow {
     }
 
     /// Computes the shadows of all operations except copies.
-    fn compute(&self, step: &Step, operations: &[Operation], made: &mut Made) {
+    fn compute(&self, step: &Step, operations: &[Operation], made: &mut NewShadows) {
         for (place, operation) in operations.iter().enumerate() {
             if operation.sources().any(|source| self.has_another_sign(step, source)) {
                 made.overturned.push(place);
@@ -254,7 +254,7 @@ impl Shadow {
 
     /// Makes the result of an operation count as exact, and records that if an operand had a
     /// shadow.
-    fn restart(&self, step: &Step, operation: &Operation, made: &mut Made) {
+    fn restart(&self, step: &Step, operation: &Operation, made: &mut NewShadows) {
         if operation.from.iter().any(|source| source.bits > 1 && self.alive(step, source).next().is_some()) {
             made.restarted.push(operation.to);
         }
@@ -262,7 +262,7 @@ impl Shadow {
 
     /// Computes the shadow of a floating-point result. Returns whether exact values would have
     /// selected the other operand.
-    fn float(&self, step: &Step, operation: &Operation, format: Number, float: Float, made: &mut Made) -> bool {
+    fn float(&self, step: &Step, operation: &Operation, format: Number, float: Float, made: &mut NewShadows) -> bool {
         let to = operation.to;
         let bits: Vec<u64> = operation.from.iter().map(|&element| model::before(step, element)).collect();
         let result = model::result(step, operation);
@@ -326,7 +326,7 @@ impl Shadow {
     }
 
     /// Computes the shadow of a conversion to a floating-point format.
-    fn convert(&self, step: &Step, operation: &Operation, of: Number, to: Number, made: &mut Made) {
+    fn convert(&self, step: &Step, operation: &Operation, of: Number, to: Number, made: &mut NewShadows) {
         let from = operation.from[0];
         let bits = model::before(step, from);
         let result = model::result(step, operation);
@@ -360,7 +360,7 @@ impl Shadow {
 
     /// Computes the shadow of a bitwise operation. A number that is selected keeps its shadow,
     /// which is negated if the number's sign bit was flipped.
-    fn logic(&self, step: &Step, operation: &Operation, table: u8, made: &mut Made) {
+    fn logic(&self, step: &Step, operation: &Operation, table: u8, made: &mut NewShadows) {
         let has = |bits, format| {
             operation.from.iter().any(|source| {
                 self.alive(step, source).any(|(at, value)| value.format == format && (at.at - source.at) % bits == 0)
@@ -412,7 +412,7 @@ impl Shadow {
 
     /// Moves shadows. Copies of adjacent elements to adjacent places are joined to one copy, so
     /// that it does not matter in what pieces an instruction moves a number.
-    fn copy(&self, step: &Step, operations: &[Operation], made: &mut Made) {
+    fn copy(&self, step: &Step, operations: &[Operation], made: &mut NewShadows) {
         let mut spans: Vec<(Element, Element)> = Vec::new();
         for operation in operations.iter().filter(|o| o.what == What::Copy && !is_kept(o)) {
             let (to, from) = (operation.to, operation.from[0]);

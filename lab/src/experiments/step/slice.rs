@@ -20,7 +20,7 @@ fn units(element: &Element) -> impl DoubleEndedIterator<Item = Unit> + use<> {
 
 /// An operation on whose result a pixel depends.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Made {
+pub struct NeededResult {
     /// The operation's index among those of the instruction.
     pub operation: usize,
     /// The units of its element from the first to the last that is needed: bytes of the place or,
@@ -32,7 +32,7 @@ pub struct Made {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Contribution {
     /// The operations on whose results the pixel depends.
-    pub made: Vec<Made>,
+    pub made: Vec<NeededResult>,
     /// Whether the instruction reads memory on which the pixel depends.
     pub looks: bool,
 }
@@ -55,7 +55,7 @@ pub fn slice(steps: &[ShadowedStep<'_>], of: impl IntoIterator<Item = Element>) 
         for (index, operation) in operations.iter().enumerate() {
             let mut of_it = units(&operation.to).filter(|unit| needed.contains(unit)).map(|(_, at)| at);
             if let Some(first) = of_it.next() {
-                part.made.push(Made { operation: index, units: first..of_it.next_back().unwrap_or(first) + 1 });
+                part.made.push(NeededResult { operation: index, units: first..of_it.next_back().unwrap_or(first) + 1 });
             }
         }
         for made in &part.made {
@@ -63,7 +63,7 @@ pub fn slice(steps: &[ShadowedStep<'_>], of: impl IntoIterator<Item = Element>) 
                 needed.remove(&unit);
             }
         }
-        for Made { operation, units: of_it } in &part.made {
+        for NeededResult { operation, units: of_it } in &part.made {
             let Operation { to, what, from, by, .. } = &operations[*operation];
             match (what, &from[..]) {
                 // Of a copy's source the same part is needed as of its destination.

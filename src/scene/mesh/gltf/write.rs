@@ -18,7 +18,7 @@ const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
 /// The content of the file: a mesh in which each vertex has a single colour.
-struct Parts<'a> {
+struct MeshContent<'a> {
     vertices: Cow<'a, [Vec3]>,
     /// The colour of each vertex; empty if all are white.
     colours: Vec<Vec3>,
@@ -29,7 +29,7 @@ impl Mesh {
     /// Writes the mesh as binary glTF. Vertex colours of glTF are in linear light, as those of
     /// [`Mesh`] are.
     pub(in crate::scene::mesh) fn write_gltf(&self, out: &mut impl Write) -> io::Result<()> {
-        let parts = Parts::of(self);
+        let parts = MeshContent::of(self);
         let mut json = parts.json(self.origin).to_string().into_bytes();
         json.resize(json.len().next_multiple_of(4), b' ');
         let length = parts.bytes();
@@ -55,13 +55,13 @@ impl Mesh {
     }
 }
 
-impl<'a> Parts<'a> {
+impl<'a> MeshContent<'a> {
     /// The content for a mesh. A vertex that triangles of different colours share is duplicated
     /// for each colour.
     fn of(mesh: &'a Mesh) -> Self {
         if mesh.colours.is_empty() {
             let (vertices, triangles) = (Cow::from(&mesh.vertices), Cow::from(&mesh.triangles));
-            return Parts { vertices, colours: Vec::new(), triangles };
+            return MeshContent { vertices, colours: Vec::new(), triangles };
         }
         let mut known = HashMap::new();
         let (mut vertices, mut colours, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
@@ -76,7 +76,7 @@ impl<'a> Parts<'a> {
                 }
             }));
         }
-        Parts { vertices: vertices.into(), colours, triangles: triangles.into() }
+        MeshContent { vertices: vertices.into(), colours, triangles: triangles.into() }
     }
 
     /// The length in bytes of all positions, colours and indices.
