@@ -1,4 +1,4 @@
-//! Two pictures compared: statistics against cases computed by hand.
+//! The comparison of two pictures: its statistics for cases computed by hand.
 
 use rayo::{Picture, Pixels};
 use rayo_lab::measure::compare::{CompareError, Unit, compare, difference_image};
@@ -32,7 +32,8 @@ fn levels_are_counted_as_by_hand() {
     assert_eq!((c.width, c.height, c.unit), (2, 2, Unit::Levels));
     assert_eq!((c.differing, c.off_by_1, c.off_by_2, c.infinite), (3, 3, 2, 0));
     assert_eq!((c.largest, c.largest_at), (3.0, Some((0, 1))));
-    // Differences 1; 3; 2 and 1 over 12 channels: sum 7, squares 1 + 9 + 4 + 1 = 15.
+    // The differences are 1; 3; 2 and 1, over 12 channels: their sum is 7, that of their squares 1
+    // + 9 + 4 + 1 = 15.
     assert!(close(c.mean, 7.0 / 12.0));
     assert!(close(c.rms, (15.0_f64 / 12.0).sqrt()));
     assert!(close(c.psnr, 10.0 * (255.0 * 255.0 / (15.0_f64 / 12.0)).log10()));
@@ -59,8 +60,8 @@ fn floats_are_counted_as_by_hand() {
     let b = floats(4, 1, &[[0.0, 0.25, -1.0], [0.005, 0.0, 0.0], [0.001, 0.0, 0.0], [-0.0, 0.0, 0.0]]);
     let c = compare(&a, &b).unwrap();
     assert_eq!(c.unit, Unit::Linear);
-    // 1/255 = 0.0039...: 0.25 is more than twice that, 0.005 once, 0.001 and the smallest float are
-    // less.
+    // 1/255 = 0.0039...: 0.25 is more than twice that, 0.005 more than once; 0.001 and the smallest
+    // float are less.
     assert_eq!((c.differing, c.off_by_1, c.off_by_2, c.infinite), (4, 2, 1, 0));
     assert_eq!((c.largest, c.largest_at), (0.25, Some((0, 0))));
     let (p, q, r) = (f64::from(0.005_f32), f64::from(0.001_f32), f64::from(1e-45_f32));

@@ -142,7 +142,7 @@ impl Fenced {
         (0..count).map(|index| unsafe { self.block.add(index).read_volatile() }).collect()
     }
 
-    /// Finds a byte beside the argument that was written, less than [`Fenced::LOOK`] bytes away.
+    /// Finds a byte beside the argument that was written, less than `Fenced::LOOK` bytes away.
     /// Returns its offset from the argument's first byte.
     pub fn spoiled(&self) -> Option<isize> {
         if self.is_empty() {

@@ -148,7 +148,7 @@ impl Team {
         own.into_iter().chain(of_others.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
     }
 
-    /// Keeps the other threads awake for a while when they become idle; see [`linger`].
+    /// Keeps the other threads awake for a while when they become idle; see `linger`.
     pub fn keep_awake(&self) {
         let Some(pool) = &self.pool else { return };
         let here = thread::current().id();

@@ -472,7 +472,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// Whether a sphere has to be shaded in coordinates relative to the camera: see
-    /// [`forms::is_shaded_from_camera`].
+    /// `forms::is_shaded_from_camera`.
     pub fn is_shaded_from_camera(&self, sphere: &Sphere) -> bool {
         let lights = self.sphere_lights.iter().filter(|_| is_f32::<E>());
         let lights =

@@ -388,7 +388,7 @@ impl Reader<'_> {
         moved
     }
 
-    /// The tables of an array, such as every [[light]].
+    /// The tables of an array, such as every `[[light]]`.
     fn list<'t>(&mut self, root: &'t Fields<'_>, key: &str, keys: &[&str]) -> Vec<Fields<'t>> {
         let Some(value) = root.get(key) else { return Vec::new() };
         let expected = format!("[[{key}]] above the keys of each one");

@@ -1,10 +1,10 @@
-//! An allocator that counts what each thread holds, so that tests can say how much memory something
-//! takes.
+//! An allocator that counts the bytes that each thread holds, so that tests can check how much
+//! memory something takes.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, which counts what each thread holds: tests run side by side.
+/// The system's allocator with counters for each thread, since tests run in parallel.
 struct Counting;
 
 thread_local! {
@@ -18,8 +18,8 @@ fn count(bytes: isize) {
     PEAK.set(PEAK.get().max(held));
 }
 
-// SAFETY: every call is handed to `System` with the caller's own arguments, under the caller's own
-// promises. The counters are constants without a destructor, so that reaching them neither
+// SAFETY: every call is passed to `System` with the caller's own arguments, under the caller's own
+// promises. The counters are constants without a destructor, so that accessing them neither
 // allocates nor fails.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -35,7 +35,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // While the content moves, both blocks exist.
+        // Both blocks exist while the content is copied.
         count(size as isize);
         count(-(layout.size() as isize));
         // SAFETY: as for the impl.
@@ -46,8 +46,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Does something, and says how many bytes this thread held at most meanwhile, beyond what it held
-/// before.
+/// Runs `action`; returns its result and the most bytes that this thread held meanwhile, beyond
+/// those held before.
 pub fn peak_of<T>(action: impl FnOnce() -> T) -> (T, usize) {
     let before = HELD.get();
     PEAK.set(before);

@@ -1,5 +1,5 @@
-//! How much is tried: every case in `make test-all`, a sample of the slow ones in `make test`; and
-//! what cannot be tried here.
+//! How many cases tests run: all in `make test-all`, samples of the slow ones in `make test`; and
+//! reporting of what cannot be tested on this machine.
 
 #![allow(dead_code, reason = "no program of those that share it uses all of it")]
 
@@ -7,21 +7,21 @@ use std::env;
 use std::fs::File;
 use std::io::Write;
 
-/// Whether every case is asked for, by the variable RAYO_ALL.
+/// Whether the environment variable RAYO_ALL asks for every case.
 pub fn all() -> bool {
     env::var_os("RAYO_ALL").is_some()
 }
 
-/// Every case; in a sample the first and each `step`-th after it.
+/// Every case if RAYO_ALL is set; otherwise the first and every `step`-th after it.
 pub fn sampled<T>(cases: impl IntoIterator<Item = T>, step: usize) -> impl Iterator<Item = T> {
     cases.into_iter().step_by(if all() { 1 } else { step })
 }
 
-/// Says that `check` was not made for the lack of `need`: in the file that RAYO_NOT_RUN names,
-/// which `make test` shows at its end.
+/// Reports that `check` was skipped because `need` is missing, in the file that RAYO_NOT_RUN names
+/// and that `make test` shows at its end.
 ///
 /// # Panics
-/// Where RAYO_MUST, a list with commas, has that word.
+/// If RAYO_MUST, a comma-separated list, contains `need`.
 pub fn not_run(need: &str, check: &str) {
     let must = env::var("RAYO_MUST").unwrap_or_default();
     assert!(

@@ -1,5 +1,5 @@
-//! Files of atoms and points: what becomes a sphere, of which place, radius and colour, and what is
-//! refused.
+//! Files of atoms and points: the positions, radii and colours of the spheres made from them, and
+//! the errors for invalid files.
 
 use std::fs;
 
@@ -21,7 +21,7 @@ fn refused(format: CloudFormat, source: impl AsRef<[u8]>) -> String {
     Cloud::from_bytes(source.as_ref(), format, None, "test").unwrap_err().to_string()
 }
 
-/// The spheres of a file in its own coordinates.
+/// The spheres of a file, in its own coordinates.
 fn spheres(format: CloudFormat, source: &str) -> Vec<Sphere> {
     read(format, source).spheres(None)
 }
@@ -30,12 +30,13 @@ fn radii(spheres: &[Sphere]) -> Vec<f32> {
     spheres.iter().map(|sphere| sphere.radius).collect()
 }
 
-/// The levels of a colour on the sRGB curve.
+/// The sRGB levels of a sphere's colour.
 fn levels(sphere: &Sphere) -> [u8; 3] {
     sphere.colour.to_array().map(|linear| (srgb::encode(linear.into()) * 255.0).round() as u8)
 }
 
-/// A file in a folder of its own, opened with options that `change` makes of the usual ones.
+/// Opens a file with this content, in a new folder, with the default options as changed by
+/// `change`.
 fn open(name: &str, content: impl AsRef<[u8]>, change: impl FnOnce(&mut ModelOptions)) -> Opened {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join(name);
@@ -45,7 +46,7 @@ fn open(name: &str, content: impl AsRef<[u8]>, change: impl FnOnce(&mut ModelOpt
     open_with(&path, &options).unwrap()
 }
 
-/// A record of an atom, in its columns.
+/// A PDB record of an atom, with its fields in their columns.
 fn record(name: &str, residue: &str, [x, y, z]: [f32; 3], element: &str) -> String {
     format!("ATOM      1 {name:<4} {residue:>3} A   1    {x:8.3}{y:8.3}{z:8.3}  1.00 20.00          {element:>2}\n")
 }
@@ -56,7 +57,7 @@ fn atoms_have_the_radii_and_colours_of_their_elements() {
     assert_eq!(radii(&water), [1.52, 1.2, 1.2]);
     assert_eq!(water[2].centre, Vec3::new(-0.24, 0.93, 0.0));
     assert_eq!((levels(&water[0]), levels(&water[1])), ([255, 13, 13], [255, 255, 255]));
-    // Atomic numbers, labels, and numbers behind the place.
+    // Atomic numbers, labels, and further numbers after the coordinates.
     for lines in ["8 0 0 0\n1 1 0 0\n1 2 0 0\n", "O1 0 0 0 -0.8\nh 1 0 0 0.4\nD 2 0 0 0.4\n"] {
         assert_eq!(radii(&spheres(CloudFormat::Xyz, &format!("3\n\n{lines}"))), [1.52, 1.2, 1.2], "{lines}");
     }
@@ -108,7 +109,7 @@ fn points_have_the_colours_behind_them_and_normals_are_none() {
     assert_eq!(red("0 0 0 255 0 0\n1 0 0 128 0 0\n"), [255, 128]);
     assert_eq!(red("# a scan\n//X,Y,Z,R,G,B\n0,0,0,255,0,0\n1,0,0,128,0,0\n"), [255, 128]);
     assert_eq!(red("x;y;z;r;g;b\n0;0;0;0.5;0;0\n1;0;0;0.25;0;0\n"), [128, 64]);
-    // An intensity, and then a colour.
+    // An intensity followed by a colour.
     assert_eq!(red("0 0 0 77.5 255 0 0\n1 0 0 12.5 7 0 0\n"), [255, 7]);
     for no_colour in ["0 0 0\n1 0 0\n", "0 0 0 0 0 1\n1 0 0 0.6 0.8 0\n", "0 0 0 -3 5 7\n1 0 0 300 5 7\n"] {
         assert_eq!(red(no_colour), [255, 255], "{no_colour}");
@@ -117,7 +118,7 @@ fn points_have_the_colours_behind_them_and_normals_are_none() {
     let with_nan = points("0 0 0\nnan 0 1\n1 0 inf\n1 1 1\n");
     assert_eq!((with_nan.centres.len(), with_nan.is_molecule), (2, false));
     assert_eq!(with_nan.notes, ["2 points have no finite place, and are left out"]);
-    // Atoms without a number before them.
+    // Atoms without a leading count.
     let atoms = points("C 0 0 0\nO 1.2 0 0\n");
     assert!(atoms.is_molecule);
     assert_eq!(radii(&atoms.spheres(None)), [1.7, 1.52]);
@@ -151,7 +152,7 @@ fn the_element_of_a_record_is_its_own_or_that_of_its_name() {
         let line = record(name, residue, [1.0, -2.5, 3.125], element);
         let sphere = &spheres(CloudFormat::Pdb, &line)[0];
         assert_eq!((sphere.radius, sphere.centre), (symbol_radius, Vec3::new(1.0, -2.5, 3.125)), "{line}");
-        // Records may end after the place.
+        // A record may end after the coordinates.
         let short = format!("{}\r\n", &line[..54]);
         assert_eq!(spheres(CloudFormat::Pdb, &short)[0].centre, sphere.centre);
     }
@@ -186,7 +187,7 @@ fn fractions_of_a_cell_are_places_along_its_axes() {
     let cloud = read(CloudFormat::Cif, &crystal(cell, "0.5 0.5(1) 0.25"));
     let expected = Vec3::new(2.0, 3_f32.sqrt(), 2.0);
     assert!(cloud.centres[0].distance(expected) < 1e-6, "{:?}", cloud.centres);
-    // A loop of the thermal motion may come first.
+    // A loop of the thermal motion may come before the atom sites.
     let motion = "loop_\n_atom_site_aniso_label\n_atom_site_aniso_U_11\nNa1 0.5\n";
     assert_eq!(read(CloudFormat::Cif, &crystal(&format!("{cell}{motion}"), "0.5 0.5 0.25")).centres.len(), 1);
     let missing = refused(CloudFormat::Cif, crystal("", "0 0 0"));
@@ -269,7 +270,7 @@ fn a_ply_file_without_faces_has_points() {
         assert!(opened.notes.iter().any(|note| note.contains("1 point has no finite place")), "{:?}", opened.notes);
         assert!(opened.notes.iter().any(|note| note.contains("points have no size")));
     }
-    // With a radius the vertices of a mesh are points, too.
+    // If a radius is asked for, the vertices of a mesh become points, too.
     let mesh = rayo::internals::scene::mesh::shapes::terrain(50, 1);
     let mut file = Vec::new();
     mesh.write(MeshFormat::Ply, &mut file).unwrap();
@@ -286,8 +287,8 @@ fn spheres_are_seen_whole_close_to_the_edge() {
     for from in directions.into_iter().map(Some).chain([None]) {
         let scene = open("a.xyz", molecule, |options| options.from = from).scene;
         let grid = scene.camera.grid::<f64>();
-        // The largest share of the film that a sphere reaches, by the planes through the pinhole
-        // that touch it.
+        // The largest share of the film that a sphere reaches, computed from the tangent planes
+        // through the pinhole.
         let mut reach: f64 = 0.0;
         for sphere in &scene.spheres {
             let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
@@ -311,11 +312,12 @@ fn axes_stand_upright_and_directions_are_the_files_own() {
         let molecule = format!("2\n\nC 0 0 0\nH {x} {y} {z}\n");
         let scene = open("a.xyz", &molecule, |options| options.up = Some(axis)).scene;
         assert!(scene.spheres[1].centre.y > scene.spheres[0].centre.y + 0.5, "{axis}");
-        // No axis mirrors what is seen.
+        // No choice of axis mirrors the model.
         let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|of| axis.placement().to_world().transform_vector3(of));
         assert!(x.cross(y).dot(z) < -0.99, "the world is left-handed");
     }
-    // Seen from an atom's side, it is the nearest; lit from there, its light is on that side.
+    // Seen from the direction of an atom, that atom is the nearest; a light from that direction is
+    // on its side.
     let axes = "4\n\nC 0 0 0\nH 9 0 0\nH 0 9 0\nH 0 0 9\n";
     for (number, direction) in [(1, DVec3::X), (2, DVec3::Y), (3, DVec3::Z)] {
         let scene = open("a.xyz", axes, |options| {

@@ -1,4 +1,4 @@
-//! The fuzzing targets over their corpus and over seeded mutations of it: a bounded share of what
+//! The fuzzing targets on their corpus and on seeded mutations of it: a short version of what
 //! cargo-fuzz does.
 
 #[path = "../../fuzz/targets.rs"]
@@ -11,10 +11,10 @@ use crate::counting::peak_of;
 use rayo::internals::scene::Rng;
 use targets::{TARGETS, Target};
 
-/// Mutations of each target's files, all together.
+/// The number of runs of each target, over all its files.
 const ROUNDS: u64 = 7500;
 
-/// Words that parsers trip over, and other bytes.
+/// Words that are difficult for parsers; further bytes are in `BYTES`.
 const WORDS: &str = "0 -1 4 1e39 nan inf -inf 4294967295 18446744073709551615 99999999999999999999 -9223372036854775808 \
     1979-05-27 1/2/3/4 # // [ [[ ]] [] {} \" ' \"\"\" = \\ x a.b.c true mesh [image] list double uchar endloop endsolid f v o \
     \u{feff}";
@@ -38,8 +38,8 @@ fn files(target: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Runs a target, and holds the memory that it takes to a multiple of its input: pixels and what is
-/// shown of scenes take most.
+/// Runs a target and checks that it takes at most a multiple of its input's length in memory.
+/// Pixels, and the parts of scenes shown in errors, take most.
 fn run(name: &str, target: Target, source: &[u8]) {
     let ((), peak) = peak_of(|| target(source));
     let times = if name.starts_with("mesh") || name.starts_with("cloud") { 64 } else { 1000 };
@@ -55,7 +55,7 @@ fn the_corpus_is_small() {
 
 #[test]
 fn the_corpus_and_its_mutations_are_read_or_refused_in_order() {
-    // RAYO_SEED makes the same mutations again, or others.
+    // RAYO_SEED repeats the mutations of an earlier run.
     let seed = std::env::var("RAYO_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(1);
     println!("RAYO_SEED={seed}");
     for (name, target) in TARGETS {
@@ -66,11 +66,11 @@ fn the_corpus_and_its_mutations_are_read_or_refused_in_order() {
             let mut rng = Rng::new(seed);
             for round in 0..rounds {
                 let mut source = original.clone();
-                // First the file as it is.
+                // Run the unchanged file first.
                 for _ in 0..round.min(1) * (1 + rng.next_u64() % 4) {
                     mutate(&mut source, &mut rng);
                 }
-                // Seen only if it fails.
+                // The output is shown only if the test fails.
                 println!("{} round {round}: {}", file.display(), source.escape_ascii());
                 run(name, target, &source);
             }
@@ -78,8 +78,8 @@ fn the_corpus_and_its_mutations_are_read_or_refused_in_order() {
     }
 }
 
-/// Changes something: a bit, a byte, a piece in the place of some bytes or of a word, a part left
-/// out, doubled or cut off.
+/// Mutates the source once: changes a bit or byte, replaces bytes or a word by a piece, or removes,
+/// duplicates or cuts off a part.
 fn mutate(source: &mut Vec<u8>, rng: &mut Rng) {
     let pieces: Vec<_> = WORDS.split(' ').map(str::as_bytes).chain(BYTES).collect();
     let mut below = |limit: usize| (rng.next_u64() % limit.max(1) as u64) as usize;

@@ -1,5 +1,5 @@
-//! glTF files: what becomes a triangle, where it is and in which colour, and what is refused in
-//! which words.
+//! glTF files: the positions and colours of the triangles made from them, and the errors for
+//! invalid files.
 
 use std::fs;
 
@@ -17,17 +17,17 @@ const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 
-/// Four corners of a square, in the order of a strip.
+/// The corners of a square (not quite planar), in the order of a triangle strip.
 const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5], [1.0, 1.0, 0.25]];
 
-/// A file that is being made: its JSON, and the bytes of its only buffer.
+/// A file under construction: its JSON, and the bytes of its only buffer.
 struct Model {
     json: Value,
     bytes: Vec<u8>,
 }
 
 impl Model {
-    /// Of one node with a mesh of one primitive, which has the corners of the square.
+    /// A file with one node, whose mesh is a primitive with the corners of the square.
     fn square() -> Self {
         let mut model = Model {
             json: json!({
@@ -49,7 +49,7 @@ impl Model {
         model
     }
 
-    /// Adds an accessor with a view of its own, and returns its number.
+    /// Adds an accessor with a buffer view of its own; returns the accessor's index.
     fn accessor(&mut self, bytes: &[u8], component: u32, of: &str, count: usize) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
@@ -66,13 +66,13 @@ impl Model {
         &mut self.json["meshes"][0]["primitives"][0]
     }
 
-    /// The same with a change to its JSON.
+    /// The file with a change to its JSON.
     fn with(mut self, change: impl FnOnce(&mut Value)) -> Self {
         change(&mut self.json);
         self
     }
 
-    /// As text that has its buffer in itself.
+    /// The file as JSON text with its buffer embedded.
     fn text(mut self) -> String {
         let length = self.bytes.len();
         let buffer = self.json["buffers"][0].as_object_mut().unwrap();
@@ -82,7 +82,7 @@ impl Model {
         self.json.to_string()
     }
 
-    /// As a binary file.
+    /// The file in the binary format.
     fn binary(mut self) -> Vec<u8> {
         self.json["buffers"][0]["byteLength"] = json!(self.bytes.len());
         let mut json = self.json.to_string().into_bytes();
@@ -109,7 +109,7 @@ impl Model {
     }
 }
 
-/// The two triangles of the square as a strip has them.
+/// The two triangles of the square, as a strip defines them.
 fn strip() -> Vec<[[f32; 3]; 3]> {
     let [a, b, c, d] = CORNERS;
     vec![[a, b, c], [c, b, d]]
@@ -125,8 +125,8 @@ fn triangles_strips_and_fans_are_read_with_any_indices() {
     assert_eq!(soup(&Model::square().mesh()), strip());
     assert_eq!(soup(&read(MeshFormat::Gltf, Model::square().binary()).unwrap()), strip());
     for kind in [UNSIGNED_BYTE, UNSIGNED_SHORT, UNSIGNED_INT] {
-        // As triangles, as a strip that leads to another place, and as fans around the second and
-        // the last corner.
+        // As triangles, as a strip with a degenerate connecting triangle, and as fans around the
+        // second and the last corner.
         for (mode, list, expected) in [
             (4, &[0, 1, 2, 2, 1, 3][..], [[0, 1, 2], [2, 1, 3]]),
             (5, &[0, 1, 2, 3], [[0, 1, 2], [2, 1, 3]]),
@@ -141,7 +141,7 @@ fn triangles_strips_and_fans_are_read_with_any_indices() {
             assert_eq!(soup(&model.mesh()), expected, "{kind} {mode} {list:?}");
         }
     }
-    // Without a mode they are triangles; what is left of three is none.
+    // The default mode is triangles; a remainder of fewer than three indices is ignored.
     let mut model = Model::square();
     model.primitive().as_object_mut().unwrap().remove("mode");
     assert_eq!(soup(&model.mesh()), strip()[..1]);
@@ -151,7 +151,7 @@ fn triangles_strips_and_fans_are_read_with_any_indices() {
 fn nodes_move_their_meshes_as_their_parents_move_them() {
     let turned = json!([0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::FRAC_1_SQRT_2]);
     let by_parts = json!({"mesh": 0, "translation": [1, 2, 3], "rotation": turned, "scale": [2, 3, 4]});
-    // The same in columns: x becomes 2y, y becomes -3x, z becomes 4z.
+    // The same as a matrix by columns: x is mapped to 2y, y to -3x, z to 4z.
     let by_matrix = json!({"mesh": 0, "matrix": [0, 2, 0, 0, -3, 0, 0, 0, 0, 0, 4, 0, 1, 2, 3, 1]});
     for node in [by_parts, by_matrix] {
         let model = Model::square().with(|json| {
@@ -163,8 +163,8 @@ fn nodes_move_their_meshes_as_their_parents_move_them() {
             assert!(Vec3::from_array(*corner).distance(expected) < 1e-5, "{corner:?} {expected}");
         }
     }
-    // An instance for each node; nodes that are not of the scene have none; without a scene all
-    // have.
+    // Each node of the scene has an instance, other nodes have none; without a scene all nodes have
+    // one.
     let instances = |scenes: Value| {
         let nodes = json!([{"mesh": 0}, {"mesh": 0, "translation": [0, 0, 9]}, {"children": [1]}, {"mesh": 0}]);
         let model = Model::square().with(|json| {
@@ -190,8 +190,7 @@ fn colours_are_the_factor_times_the_vertices_in_linear_light() {
         model
     };
     assert_eq!(colours(&with_factor().mesh()), [[0.5, 0.25, 1.0]; 2]);
-    // In bytes, 51 being a fifth, and in shorts and floats; with and without a share of
-    // transparency.
+    // Colours in bytes (51 is a fifth), in shorts and floats, with and without an alpha channel.
     let bytes: Vec<u8> = [[255, 0, 51], [255, 0, 51], [255, 0, 51], [0, 0, 0]].concat();
     let shorts: Vec<u8> = bytes.iter().flat_map(|byte| (u16::from(*byte) * 257).to_le_bytes()).collect();
     let floats: Vec<u8> = bytes.iter().flat_map(|byte| (f32::from(*byte) / 255.0).to_le_bytes()).collect();
@@ -233,7 +232,7 @@ fn places_may_be_of_integers_interleaved_or_sparse() {
     model.json["bufferViews"][accessor]["byteStride"] = json!(20);
     model.primitive()["attributes"]["POSITION"] = json!(accessor);
     assert_eq!(soup(&model.mesh()), strip());
-    // One corner is replaced.
+    // A sparse accessor that replaces one corner.
     let sparse = |index: u8| {
         let mut model = Model::square();
         let which = model.accessor(&[index], UNSIGNED_BYTE, "SCALAR", 1);
@@ -278,7 +277,7 @@ fn buffers_are_inside_of_the_file_or_beside_it() {
     for data in ["data:application/octet-stream;base64,AA=A", "data:text/plain,AAAA", "data:", "data:;base64"] {
         assert!(error(data).starts_with("buffers[0] has a data: address that cannot be decoded"), "{data}");
     }
-    // The content alone has no folder.
+    // Without a folder, a buffer in another file is an error.
     assert!(model("a.bin").refused().starts_with("buffers[0] is in another file, `a.bin`"));
 }
 
@@ -381,13 +380,14 @@ fn instances_do_not_multiply_beyond_measure() {
         let nodes: Vec<_> = (0..3000).map(|_| json!({"mesh": 0})).collect();
         json["scenes"][0]["nodes"] = json!((0..3000).collect::<Vec<_>>());
         json["nodes"] = json!(nodes);
-        // Primitives that share their places.
+        // Primitives that share their positions.
         let primitive = json["meshes"][0]["primitives"][0].clone();
         json["meshes"][0]["primitives"] = json!(vec![primitive; 10_000]);
-        // A buffer that is claimed and never read allows nothing.
+        // A buffer that is declared but never read does not raise the limit.
         json["buffers"].as_array_mut().unwrap().push(json!({"byteLength": 1_000_000_000_000_u64}));
     });
-    // 60 million triangles from 300 kB; the memory is that of the limit.
+    // The file of 300 kB would have 60 million triangles; reading it takes only the memory that the
+    // limit allows.
     let error = Mesh::from_bytes(model.text().into_bytes(), MeshFormat::Gltf, "test").unwrap_err().to_string();
     assert!(error.contains("triangles, instances of meshes being counted each by itself"), "{error}");
 }
@@ -417,14 +417,14 @@ fn the_first_camera_and_point_lights_are_the_files_own() {
     fs::write(&path, model.text()).unwrap();
     let opened = open(&path, &Camera::default()).unwrap();
     let scene = opened.scene;
-    // It looks at the square from z = 4, which is in front of it, at a distance of 4.
+    // The camera is at z = 4 in front of the square and looks at it, from a distance of 4.
     assert_eq!(scene.view.position, DVec3::new(0.5, 0.5, -4.0));
     let [a, b, c] = scene.triangle(0).vertices;
     assert_eq!([a, b, c], [Vec3::new(-0.5, -0.5, 4.0), Vec3::new(0.5, -0.5, 4.0), Vec3::new(-0.5, 0.5, 3.5)]);
     let grid = scene.camera.grid::<f64>();
     assert!((grid.half_height / grid.focal - (std::f64::consts::PI / 6.0).tan()).abs() < 1e-6);
-    // The lights' places, colours and shares: the second one is about twice as far from the
-    // square's middle, and weaker.
+    // The lights' positions, colours and shares: the second light is about twice as far from the
+    // middle of the square, and weaker.
     assert_eq!(scene.lights.len(), 3);
     assert_eq!(scene.lights[0].position, Vec3::new(0.0, 0.0, 2.0));
     assert_eq!(scene.lights[1].position, Vec3::new(0.0, 0.0, 8.0));
@@ -434,7 +434,7 @@ fn the_first_camera_and_point_lights_are_the_files_own() {
     let notes = opened.notes.join("\n");
     assert!(notes.contains("not read: orthographic cameras, directional lights and spots"), "{notes}");
     assert!(notes.contains("the camera is the file's first one; the point lights are the file's"), "{notes}");
-    // What is asked for takes the place of both.
+    // Options replace both the camera and the lights of the file.
     let options = ModelOptions {
         from: Some(DVec3::X),
         lights: vec![DVec3::Y],

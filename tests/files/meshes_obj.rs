@@ -1,4 +1,4 @@
-//! OBJ and MTL files as many programs write them, and files that are no meshes.
+//! OBJ and MTL files in the variants that programs write, and files that are no meshes.
 
 use std::ffi::OsString;
 use std::fs;
@@ -13,7 +13,7 @@ const BLUE: [f32; 3] = [0.0, 0.0, 1.0];
 const WHITE: [f32; 3] = [1.0; 3];
 const COMMA: &str = "the decimal mark is a point, and white space alone separates numbers";
 
-/// The mesh of an OBJ file with others in its folder.
+/// Reads an OBJ file that has other files in its folder.
 fn read_beside(files: &[(&str, &str)], obj: impl AsRef<[u8]>) -> Mesh {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in files {
@@ -24,7 +24,7 @@ fn read_beside(files: &[(&str, &str)], obj: impl AsRef<[u8]>) -> Mesh {
     Mesh::read(&path).unwrap()
 }
 
-/// A square whose first half is of the material red and whose second half is of blue.
+/// A square whose first triangle has the material red and whose second one has blue.
 fn red_and_blue(libraries: &str) -> String {
     format!("{libraries}{OBJ_SQUARE}usemtl red\nf 1 2 3\nusemtl blue\nf 1 3 4\n")
 }
@@ -37,7 +37,7 @@ fn obj_has_colours_of_vertices_or_of_materials() {
     let vertices = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 0 0 0.5 1\n";
     let mesh = read(MeshFormat::Obj, format!("{vertices}f 1 2 3 4\nf 4 4 4")).unwrap();
     assert_eq!(colours(&mesh), [RED, [2.0 / 3.0, 0.0, light(0.5) / 3.0], [0.0, 0.0, light(0.5)]]);
-    // A vertex without one is white; what is no colour is none.
+    // A vertex without a colour is white; three numbers that are no valid colour are ignored.
     let mesh = read(MeshFormat::Obj, format!("{vertices}v 1 2 3\nv 1 2 3 -1 0 0\nf 5 5 6\nf 1 2 3")).unwrap();
     assert_eq!(colours(&mesh), [[1.0; 3], RED]);
     assert!(
@@ -191,7 +191,7 @@ fn a_comment_that_ends_in_a_backslash_is_a_line_of_its_own() {
         let mesh = read(MeshFormat::Obj, file.clone()).unwrap();
         assert_eq!((soup(&mesh), mesh.notes.len()), (fan(), 0), "{file}");
     }
-    // What a line goes on with may be in the next piece of a file.
+    // The continuation of a line may be in the next piece of the file.
     for length in (1 << 17) - 30..(1 << 17) + 30 {
         let filled = format!("{}\n", "#".repeat(length));
         let file = format!("{filled}{OBJ_SQUARE}# C:\\\nf 1 2 \\\n3 4\n");
@@ -210,7 +210,7 @@ fn faces_of_less_than_three_corners_are_skipped_with_a_note() {
     }
     let error = refused(MeshFormat::Obj, format!("{OBJ_SQUARE}f 1 2\nf 1\n"));
     assert!(error.starts_with("test: the mesh is empty: each of its 2 faces has less than three corners: "), "{error}");
-    // Their vertices have to be there, but need no place.
+    // Vertices of skipped faces must exist but need not be finite.
     let mesh = read(MeshFormat::Obj, format!("{OBJ_SQUARE}v nan 0 0\nf 1 5\nf 1 2 3 4\n")).unwrap();
     assert_eq!(soup(&mesh), fan());
     let error = refused(MeshFormat::Obj, format!("{OBJ_SQUARE}f 1 9\nf 1 2 3 4\n"));
@@ -300,14 +300,14 @@ fn a_file_of_materials_is_found_by_what_its_line_means() {
         assert_eq!((colours(&mesh), &mesh.notes), (vec![RED, BLUE], &Vec::new()), "{library}");
         assert!(mesh.libraries[0].ends_with(name), "{:?}", mesh.libraries);
     }
-    // One of two files, with blanks between and without.
+    // One of two file names contains a blank, the other does not.
     let red = "newmtl red\nKd 1 0 0\n";
     for library in ["\"my m.mtl\" other.mtl", "other.mtl \"my m.mtl\""] {
         let mesh = read_beside(&[("my m.mtl", red)], red_and_blue(&format!("mtllib {library}\n")));
         assert_eq!(colours(&mesh), [RED, WHITE]);
         assert!(matches!(&mesh.notes[..], [note] if note.contains("cannot be read")), "{:?}", mesh.notes);
     }
-    // Both have blanks, or one of them.
+    // Both names contain blanks, or one does.
     let blue = "newmtl blue\nKd 0 0 1\n";
     for library in
         ["my m.mtl your m.MTL", "my m.mtl your m.MTL # both", "my m.mtl \"your m.MTL\"", "\"my m.mtl\" your m.MTL"]
@@ -321,7 +321,7 @@ fn a_file_of_materials_is_found_by_what_its_line_means() {
         let mesh = read_beside(&files, red_and_blue(&format!("mtllib {library}\n")));
         assert_eq!((colours(&mesh), &mesh.notes), (vec![RED, BLUE], &Vec::new()), "{library}");
     }
-    // Names that differ in case are different, and there is no other file to take their place.
+    // Names that differ in case are different; no file with another name is taken instead.
     let mesh = read_beside(&[("scan.mtl", MATERIALS), ("mesh.mtl", MATERIALS)], red_and_blue("mtllib Scan.MTLX\n"));
     assert_eq!(colours(&mesh), [WHITE; 2]);
     assert!(mesh.notes[0].starts_with("the materials in `Scan.MTLX` cannot be read: "), "{:?}", mesh.notes);
@@ -362,7 +362,7 @@ fn a_colour_of_a_material_is_one_number_or_three() {
         );
         assert_eq!((colours(&mesh), mesh.notes.join("; ").as_str()), (vec![colour, BLUE], note), "{line}");
     }
-    // What stands before the first name belongs to none.
+    // Statements before the first `newmtl` belong to no material.
     let mesh = read_beside(
         &[("m.mtl", &format!("Kd 0 1 0\nnewmtl plain\n{MATERIALS}"))],
         red_and_blue("mtllib m.mtl\n").replace("blue", "plain"),
@@ -440,7 +440,7 @@ fn seven_numbers_of_a_vertex_are_its_place_colour_and_opacity() {
     assert_eq!((soup(&mesh), colours(&mesh)), (fan(), vec![RED; 2]));
 }
 
-/// A text in UTF-16, of little or big endian.
+/// A text in UTF-16, little or big endian.
 fn utf_16(text: &str, is_little: bool) -> Vec<u8> {
     text.encode_utf16().flat_map(|unit| if is_little { unit.to_le_bytes() } else { unit.to_be_bytes() }).collect()
 }
@@ -475,7 +475,7 @@ fn a_file_that_is_something_else_is_named_in_every_format() {
         let notes = Mesh::read(&mesh_file).unwrap().notes;
         assert!(notes[0].starts_with(&format!("the materials in `a.mtl` cannot be read: {message}")), "{notes:?}");
     }
-    // A title of a binary STL file may be anything.
+    // The title of a binary STL file may be any bytes.
     for title in ["version https://git-lfs.github.com/spec/v1", "<html>", "\u{feff}", "P6", "ply"] {
         let mut file = title.as_bytes().to_vec();
         file.resize(80, b' ');

@@ -1,15 +1,14 @@
-//! PLY files as many programs write them: what their numbers, lines, colours and headers may look
-//! like.
+//! PLY files in the variants that programs write: their numbers, lines, colours and headers.
 
 use rayo::internals::scene::{Mesh, MeshFormat};
 
 use crate::meshes::{colours, read, refused, soup};
 
-/// The pyramid of five vertices that every file here holds, and its faces.
+/// The vertices and faces of the pyramid that the files of these tests contain.
 const VERTICES: [&str; 5] = ["-1 0 -1", "1 0 -1", "1 0 1", "-1 0 1", "0.25 1.5 0.25"];
 const FACES: [&str; 6] = ["3 0 1 4", "3 1 2 4", "3 2 3 4", "3 3 0 4", "3 0 2 1", "3 0 3 2"];
 
-/// A header of the pyramid, with more properties of vertices.
+/// A header for the pyramid, with additional properties of vertices.
 fn header(more: &str) -> String {
     format!(
         "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n{more}\
@@ -41,7 +40,7 @@ fn numbers_of_a_text_may_lack_digits_on_either_side() {
     ] {
         assert_eq!(soup(&ply(header("") + &lines(&numbers) + &lines(&FACES))), pyramid_soup(), "{numbers:?}");
     }
-    // What is not read may be no number in the words of any library.
+    // A property that is not read may contain any spelling of NaN or infinity.
     let normal = "property float nx\n";
     for nan in ["nan", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "inf", "-1.#INF"] {
         let vertices: String = VERTICES.iter().map(|vertex| format!("{vertex} {nan}\n")).collect();
@@ -76,10 +75,10 @@ fn words_of_a_text_may_stand_in_any_lines() {
         let mesh = read(MeshFormat::Ply, source).unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_eq!((soup(&mesh), mesh.notes), (pyramid_soup(), notes), "{what}");
     }
-    // A missing number moves all that follow: an error tells where that began.
+    // A missing number shifts all that follow: the error tells where that began.
     let short = refused(MeshFormat::Ply, pyramid().replace("1 0 1\n-1", "1 0\n-1"));
     assert!(short.contains("; line 13 does not end with an element, and numbers may be missing before"), "{short}");
-    // Where lines have more numbers than properties, each element has its own.
+    // If lines have more numbers than properties, each element has a line of its own.
     let longer = pyramid().replace("-1 0 -1\n", "-1 0 -1 9 9 9\n").replace("1 0 1\n-1", "1 0\n-1");
     let too_short = "test:12: vertex 3 cannot be understood: expected its properties as the header lists them: x y z";
     assert_eq!(refused(MeshFormat::Ply, longer), too_short);
@@ -242,7 +241,7 @@ fn numbers_of_64_bits_are_read_as_programs_write_them() {
 
 #[test]
 fn floats_of_16_bits_are_read_as_programs_write_them() {
-    // In halves: these numbers, the smallest one, the largest one and an infinite one.
+    // The 16-bit floats of these numbers, of the smallest and the largest one, and of infinity.
     let halves = [(-1.0, 0xbc00_u16), (0.0, 0), (1.0, 0x3c00), (0.25, 0x3400), (1.5, 0x3e00)];
     let half = |number: f32| halves.iter().find(|(value, _)| *value == number).unwrap().1;
     for (name, order) in [("float16", "little"), ("half", "big")] {
@@ -301,7 +300,7 @@ fn colours_of_16_bits_with_levels_of_8_are_told() {
 fn a_vertex_that_is_not_finite_matters_only_to_its_faces() {
     let more = pyramid().replace("element vertex 5", "element vertex 8");
     let places = "nan 0 0\n-1 0 -1\n1 0 -1\n1e99 0 0\n1 0 1\n-1 0 1\n0.25 1.5 0.25\n0 0 inf\n";
-    // The indices of the pyramid's vertices among these.
+    // The indices of the pyramid's vertices among all vertices of this file.
     let indices = [1, 2, 4, 5, 6];
     let shifted = |face: &str| {
         let (count, corners) = face.split_once(' ').unwrap();
@@ -312,10 +311,10 @@ fn a_vertex_that_is_not_finite_matters_only_to_its_faces() {
     let with_others = more.replace(&lines(&VERTICES), places).replace(&lines(&FACES), &faces);
     let mesh = ply(with_others.clone());
     assert_eq!((soup(&mesh), mesh.vertices.len()), (pyramid_soup(), 5));
-    // The error names the first such vertex that a face has as a corner, not the first in the file.
+    // The error names the first such vertex that is a corner of a face, not the first in the file.
     let used = refused(MeshFormat::Ply, with_others.replace("3 1 2 6\n", "3 1 3 6\n"));
     assert_eq!(used, "test:13: vertex 4 is not finite: expected numbers that f32 holds, within 3.4e38");
-    // As in OBJ.
+    // The same holds for OBJ.
     let obj = "v nan 0 0\nv 0 0 0\nv 1 0 0\nv 1e99 0 0\nv 0 1 0\nf 2 3 5\n";
     assert_eq!(read(MeshFormat::Obj, obj).unwrap().vertices.len(), 3);
     let used = refused(MeshFormat::Obj, obj.replace("2 3 5", "2 4 5"));

@@ -1,11 +1,11 @@
-//! STL files as many programs write them: text and binary that is told apart, and what both may
-//! have too much or too little.
+//! STL files in the variants that programs write: text and binary files and how they are told
+//! apart, and files with too much or too little content.
 
 use rayo::internals::scene::MeshFormat;
 
 use crate::meshes::{STL_STEPS, fan, read, refused, soup, stl_binary, stl_text};
 
-/// The notes on a file of the two facets.
+/// The notes on reading a file that contains the two facets.
 fn notes(source: impl Into<Vec<u8>>) -> Vec<String> {
     let source = source.into();
     let shown = source.escape_ascii().to_string();
@@ -69,7 +69,7 @@ fn a_facet_of_more_than_three_vertices_is_cut_into_triangles() {
     }
     let squares = read(MeshFormat::Stl, text(&square.repeat(2))).unwrap();
     assert_eq!((soup(&squares), squares.polygons), (fan().repeat(2), 2));
-    // The corner between is inside of the triangle of the others.
+    // A fourth corner inside the triangle of the other three.
     let arrow = read(MeshFormat::Stl, text(&square.replace(c, "0.25 0.25 0").replace(d, "0 1 0"))).unwrap();
     let area = |[a, b, c]: [[f32; 3]; 3]| ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0;
     assert_eq!(soup(&arrow).into_iter().map(area).sum::<f32>(), 0.25);
@@ -109,7 +109,7 @@ fn binary_stl_may_be_longer_than_its_facets() {
         }
         assert_eq!(notes(stl_binary(title)), [attributes], "{title}");
     }
-    // Even where the title has the lines of a text.
+    // The same if the title looks like the lines of a text file.
     assert_eq!(notes([&stl_binary("solid\nfacet normal")[..], b"\n"].concat()), [goes_on, attributes]);
 }
 

@@ -1,5 +1,5 @@
-//! Pictures that other programs write and few readers expect: read as they are meant, or named for
-//! what they are.
+//! Unusual pictures from other programs: they are either read as intended, or the error says what
+//! they are.
 
 use rayo::internals::render::{ImageError, ImageFile};
 use rayo::{Picture, Pixels};
@@ -15,7 +15,7 @@ fn read(bytes: &[u8]) -> Result<Picture, ImageError> {
     })
 }
 
-/// The levels of a sound picture.
+/// The levels of a valid picture.
 #[track_caller]
 fn levels(bytes: &[u8]) -> Vec<[u8; 3]> {
     match read(bytes).unwrap().pixels {
@@ -24,7 +24,7 @@ fn levels(bytes: &[u8]) -> Vec<[u8; 3]> {
     }
 }
 
-/// The floats of a sound picture.
+/// The floats of a valid picture.
 #[track_caller]
 fn floats(bytes: &[u8]) -> Vec<[f32; 3]> {
     match read(bytes).unwrap().pixels {
@@ -33,7 +33,7 @@ fn floats(bytes: &[u8]) -> Vec<[f32; 3]> {
     }
 }
 
-/// Holds that a sound file is not read, and that this is said of it.
+/// Asserts that a valid file is not supported, with this explanation.
 #[track_caller]
 fn is_of_another_kind(bytes: &[u8], what: &str) {
     let error = read(bytes).unwrap_err();
@@ -42,7 +42,7 @@ fn is_of_another_kind(bytes: &[u8], what: &str) {
     assert_eq!(error.to_string(), expected);
 }
 
-/// Holds that a file is damaged, and that this is said of it.
+/// Asserts that a file is damaged, with this explanation.
 #[track_caller]
 fn is_damaged(bytes: &[u8], what: &str) {
     let error = read(bytes).unwrap_err();
@@ -50,12 +50,12 @@ fn is_damaged(bytes: &[u8], what: &str) {
     assert_eq!(error.to_string(), format!("a is damaged or incomplete: {what}"));
 }
 
-/// A picture of three pixels by two, stored in Exif's eight orders: the letters of rows as they are
-/// in the file.
+/// A picture of three by two pixels, stored in Exif's eight orientations: the letters of each row
+/// as they are in the file.
 const UPRIGHT: &str = "abc def";
 const STORED: [&str; 8] = [UPRIGHT, "cba fed", "fed cba", "def abc", "ad be cf", "cf be ad", "fc eb da", "da eb fc"];
 
-/// Bytes by letters, in rows, and the number of rows and of columns.
+/// Pixels given as letters in rows: their bytes, and the numbers of rows and columns.
 fn stored(rows: &str) -> (Vec<u8>, usize, usize) {
     let letters = rows.bytes().filter(|letter| *letter != b' ').map(|letter| letter - b'a').collect();
     let rows: Vec<_> = rows.split(' ').collect();
@@ -86,8 +86,8 @@ fn a_tiff_in_any_of_the_eight_orientations_is_turned() {
     }
 }
 
-/// An HDR with these lines, a size, and pixels of one byte for all three channels, which with this
-/// exponent is their value.
+/// An HDR with these header lines, this size line, and pixels with the same byte in all three
+/// channels and an exponent for which the byte is the value.
 fn hdr(lines: &str, size: &str, pixels: &[u8]) -> Vec<u8> {
     let pixels = pixels.iter().flat_map(|value| [*value, *value, *value, 136]);
     format!("{lines}\n\n{size}\n").into_bytes().into_iter().chain(pixels).collect()
@@ -95,7 +95,7 @@ fn hdr(lines: &str, size: &str, pixels: &[u8]) -> Vec<u8> {
 
 #[test]
 fn an_hdr_in_any_of_the_eight_orders_is_turned() {
-    // The axis and direction of rows, and of columns.
+    // The axis and direction of the rows, and of the columns.
     let orders = [
         ("-Y", "+X"),
         ("-Y", "-X"),
@@ -108,7 +108,7 @@ fn an_hdr_in_any_of_the_eight_orders_is_turned() {
     ];
     for ((down, across), rows) in orders.into_iter().zip(STORED) {
         let (letters, rows, columns) = stored(rows);
-        // Small values would be marks of runs.
+        // Small values would be taken for run-length codes.
         let values: Vec<_> = letters.iter().map(|letter| letter + 100).collect();
         let size = format!("{down} {rows} {across} {columns}");
         let picture = read(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_rgbe", &size, &values)).unwrap();
@@ -166,7 +166,7 @@ fn a_pfm_with_two_characters_to_a_line_end_is_not_shifted() {
     {
         assert_eq!(floats(&[header.as_bytes(), row.as_flattened()].concat()), expected, "{header:?}");
     }
-    // The line end that only looks like one: the first value's first byte.
+    // The first byte of the first value is the same as a line feed.
     let low_byte = f32::from_le_bytes([b'\n', 0, 0x80, 0x3f]);
     let row = [low_byte; 3].map(f32::to_le_bytes);
     for header in ["PF\n1 1\n-1.0\n", "PF\n\n1 1\n-1.0\n", "PF\r\n1 1\r\n-1.0\r\n", "PF\n1 1\n-1.0\r"] {
@@ -251,7 +251,7 @@ fn a_qoi_of_three_channels_may_have_codes_with_alpha() {
         let header = [&b"qoif\0\0\0\x03\0\0\0\x01"[..], &[channels, 0]].concat();
         [&header[..], codes, &[0, 0, 0, 0, 0, 0, 0, 1]].concat()
     };
-    // A colour with alpha, one without, and the first again by its hash, of which alpha is a part.
+    // A colour with alpha, one without, and the first again by its hash, which depends on alpha.
     let hash = (10 * 3 + 20 * 5 + 30 * 7 + 128 * 11) % 64;
     let codes = [0xff, 10, 20, 30, 128, 0xfe, 1, 2, 3, hash as u8];
     assert_eq!(levels(&file(3, &codes)), [[10, 20, 30], [1, 2, 3], [10, 20, 30]]);
@@ -268,8 +268,8 @@ fn a_qoi_of_three_channels_may_have_codes_with_alpha() {
     is_damaged(&file(5, &opaque), "invalid number of channels: 5");
 }
 
-/// An EXR of one part with these channels, each with its values, in a data window of this position
-/// and width; and the display window.
+/// An EXR with one part that has these channels, a data window of this position and width, and this
+/// display window.
 fn exr(channels: &[(&str, exr::prelude::FlatSamples)], data: (i32, i32, usize), display: (usize, usize)) -> Vec<u8> {
     use exr::prelude::*;
     let channels = channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone())).collect();
@@ -283,7 +283,7 @@ fn exr(channels: &[(&str, exr::prelude::FlatSamples)], data: (i32, i32, usize), 
     bytes.into_inner()
 }
 
-/// One channel's values.
+/// The values of one channel.
 fn channel(values: &[f32]) -> exr::prelude::FlatSamples {
     exr::prelude::FlatSamples::F32(values.to_vec())
 }
@@ -300,7 +300,7 @@ fn grey_of_an_exr_is_all_three_colours() {
     let transparent = [("A", channel(&[1.0, 0.5])), ("Y", channel(&[0.5, 3.0]))];
     let error = read(&exr(&transparent, whole, (2, 1))).unwrap_err();
     assert!(matches!(error, ImageError::Unsupported { what: "transparency", .. }), "{error}");
-    // Colours that are there come first, and others are ignored.
+    // R, G and B are preferred; other channels are ignored.
     let names = ["B", "G", "R", "Y", "Z", "albedo.R"];
     let all: Vec<_> = names.iter().zip(1_u8..).map(|(name, value)| (*name, channel(&[f32::from(value); 2]))).collect();
     assert_eq!(floats(&exr(&all, whole, (2, 1))), [[3.0, 2.0, 1.0]; 2]);
@@ -325,7 +325,7 @@ fn an_exr_without_colours_that_are_shown_names_its_channels() {
 fn an_exr_is_black_outside_of_its_data_window() {
     let values: Vec<_> = (1_u8..=4).map(f32::from).collect();
     let grey = [("Y", channel(&values))];
-    // The whole is larger than these few bytes could hold.
+    // The display window is larger than a file of this size could hold.
     let (width, height) = (600, 500);
     for (x, y, seen) in [(0, 0, 4), (599, 499, 1), (-1, -1, 1), (298, -1, 2), (-7, 3, 0), (700, 900, 0)] {
         let picture = read(&exr(&grey, (x, y, 2), (width, height))).unwrap();
@@ -399,13 +399,13 @@ fn layouts_of_tiff_are_read_or_named() {
     let expected = [[1, 2, 3], [4, 5, 6]];
     assert_eq!(levels(&tiff((2, 1), rgb, &[1, 2, 3, 4, 5, 6])), expected);
     let planes = [rgb, &[(PLANAR, &[2])]].concat();
-    // A strip holds one plane: with one for all of them the file is damaged.
+    // A strip holds a single plane: a file with one strip for all planes is damaged.
     assert!(read(&tiff((2, 1), &planes, &[1, 4, 2, 5, 3, 6])).is_err());
-    // White is 0.
+    // With this tag, 0 is white.
     let grey = |photometric: &'static [u16]| tiff((2, 1), &[(BITS, &[8]), (PHOTOMETRIC, photometric)], &[0, 200]);
     assert_eq!(levels(&grey(&[1])), [[0; 3], [200; 3]]);
     assert_eq!(levels(&grey(&[0])), [[255; 3], [55; 3]]);
-    // Tiles that reach beyond the picture.
+    // Tiles that extend beyond the picture.
     let tiles: &[(u16, &[u16])] = &[(TILE_WIDTH, &[16]), (TILE_LENGTH, &[16])];
     let grey_tiles = [tiles, &[(BITS, &[8]), (PHOTOMETRIC, &[1])]].concat();
     let tile = |first: u8| (0..=255).map(move |at| if at == 0 { first } else { 9 });
@@ -419,7 +419,7 @@ fn layouts_of_tiff_are_read_or_named() {
     assert_eq!(pixels[1], [9; 3]);
 }
 
-/// The first pixel of each tile of 16 x 16 in a picture of 30 x 28.
+/// The first pixel of each 16 x 16 tile in a picture of 30 x 28.
 fn corners_of(pixels: &[[u8; 3]]) -> [[u8; 3]; 4] {
     [0, 16, 16 * 30, 16 * 30 + 16].map(|at| pixels[at])
 }
@@ -435,7 +435,7 @@ fn a_tiff_that_is_not_read_is_named_for_what_it_is() {
         &tiff((1, 1), with_alpha, &[1, 255]),
         "its samples are grey and 1 more, in whole numbers of 8 bits",
     );
-    // Whole numbers are not floats, said or not.
+    // Integers are not floats, whether the tag says so or is missing.
     for format in [&[][..], &[(339, &[1, 1, 1][..])]] {
         let numbers = [&[(BITS, &[32; 3][..]), (PHOTOMETRIC, &[2]), (SAMPLES, &[3])], format].concat();
         is_of_another_kind(&tiff((1, 1), &numbers, &[0; 12]), "its samples are RGB, in whole numbers of 32 bits");
@@ -459,9 +459,9 @@ fn a_tiff_that_is_not_read_is_named_for_what_it_is() {
     is_of_another_kind(&tiff((1, 1), zstd, &[0]), "compression by method 50000");
 }
 
-/// A little-endian TIFF of entries with one value of 32 bits each, in front of which `data` stands
-/// from byte 8 on. It ends with its directory, whose last four bytes, the place of the next one,
-/// are left to the caller.
+/// A little-endian TIFF whose entries have one 32-bit value each; `data` is at offset 8, before the
+/// directory. The file ends with the directory, without its last four bytes (the offset of the next
+/// directory), which the caller adds.
 fn tiff_without_end(entries: &[(u16, u32)], data: &[u8]) -> Vec<u8> {
     let mut file = [&b"II*\0"[..], &(8 + data.len() as u32).to_le_bytes(), data].concat();
     file.extend((entries.len() as u16).to_le_bytes());
@@ -484,7 +484,7 @@ fn a_tiff_may_end_with_its_directory() {
 
 #[test]
 fn a_strip_of_all_rows_may_be_said_to_have_the_most_rows() {
-    // Two rows of a fax: eight white pixels, and eight black ones.
+    // Two rows compressed as a fax: eight white pixels and eight black ones.
     let fax = [0x93, 0x51, 0x40, 0x04, 0x00, 0x40];
     for rows in [2, (1 << 31) - 1, u32::MAX] {
         let grey = [(256, 2), (257, 2), (258, 8), (262, 1), (273, 8), (278, rows), (279, 4)];
@@ -509,7 +509,7 @@ fn the_length_of_the_only_strip_may_be_missing() {
 
 #[test]
 fn lzw_in_its_first_form_is_named() {
-    // The codes 256, 7, 9 and 257 of 9 bits, in either order of bits.
+    // The codes 256, 7, 9 and 257, of 9 bits each, in both bit orders.
     let entries = [(256, 2), (257, 1), (258, 8), (259, 5), (262, 1), (273, 8), (278, 1), (279, 5)];
     let file = |codes: &[u8]| [tiff_without_end(&entries, codes), vec![0; 4]].concat();
     assert_eq!(levels(&file(&[0x80, 0x01, 0xc1, 0x30, 0x10])), [[7; 3], [9; 3]]);
@@ -545,7 +545,7 @@ fn tiles_in_lzw_are_read_in_planes_too() {
         (325, lists + 48),
     ];
     let mut file = tiff_without_end(&entries, &data);
-    // Those with lists have more than one value.
+    // The count of entries with lists is greater than one.
     let directory = 10 + data.len();
     for (entry, count) in [(2, 3_u32), (9, 12), (10, 12)] {
         file[directory + 12 * entry + 4..][..4].copy_from_slice(&count.to_le_bytes());
@@ -555,7 +555,7 @@ fn tiles_in_lzw_are_read_in_planes_too() {
     assert_eq!(levels(&file), expected);
 }
 
-/// A PNG of one pixel, in chunks.
+/// The chunks of a PNG with one pixel.
 fn png_chunks() -> Vec<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
@@ -616,7 +616,7 @@ fn a_png_with_a_wrong_checksum_of_its_pixels_is_damaged() {
     let [header, pixels, end] = &png_chunks()[..] else { panic!("three chunks") };
     let png = |pixels: &[u8]| [b"\x89PNG\r\n\x1a\n", &header[..], pixels, end].concat();
     assert_eq!(levels(&png(pixels)), [[1, 2, 3]]);
-    // The chunk's own checksum is right.
+    // The chunk's own checksum is correct.
     let mut stream = pixels[8..pixels.len() - 4].to_vec();
     *stream.last_mut().unwrap() ^= 1;
     let what = "its compressed pixels are corrupt, or do not have the checksum that follows them";

@@ -1,5 +1,5 @@
-//! Scene files: what is read, what is refused and in which words, and that neither costs more
-//! memory than it may.
+//! Scene files in the paper's format: what is read, the errors for invalid files, and the memory
+//! that both take.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,17 +8,17 @@ use crate::counting::peak_of;
 use glam::Vec3;
 use rayo::internals::scene::{Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, read};
 
-/// What diagnostics may take, however short the file.
+/// The bytes that diagnostics may take, however short the file is.
 const SLACK: usize = 64 << 10;
 
-/// Parses, and holds the memory that this takes to 16 times the file.
+/// Parses a file and checks that this takes at most 16 times its length in memory.
 fn parse_bounded(source: &[u8]) -> Result<Scene, SceneError> {
     let (scene, peak) = peak_of(|| parse(source, "test.in"));
     assert!(peak <= 16 * source.len() + SLACK, "{peak} bytes for a file of {}", source.len());
     scene
 }
 
-/// The error in its short form, one line for each diagnostic.
+/// The errors, one line for each diagnostic.
 fn refused(source: impl AsRef<[u8]>) -> Vec<String> {
     parse_bounded(source.as_ref()).expect_err("a refusal").lines()
 }
@@ -35,7 +35,7 @@ fn scenes() -> Vec<PathBuf> {
     files
 }
 
-/// A scene with all that the format has, one part in each line.
+/// A scene with everything that the format has, one item per line.
 const VALID: &str = "\
 image.png
 640 480
@@ -158,7 +158,7 @@ fn a_bad_value_is_named_with_its_place_and_what_was_expected() {
     }
 }
 
-/// Sources, and below each what is said of it.
+/// Invalid sources, each followed by its expected errors.
 const BAD_FILES: &str = r#"
 
     1:1: the file is empty: found the end of the file, expected an image name, then the image's width and height
@@ -353,7 +353,7 @@ fn the_scene_of_many_objects_is_made_from_its_seed() {
 #[test]
 fn the_generator_is_the_published_one() {
     let mut rng = Rng::new(1_234_567);
-    // The reference values that come with the published algorithm.
+    // The reference values published with the algorithm.
     assert_eq!([rng.next_u64(), rng.next_u64()], [6_457_827_717_110_365_317, 3_203_168_211_198_807_973]);
     assert!((0..10_000).all(|_| (0.0..1.0).contains(&rng.next_f32())));
 }
@@ -387,7 +387,7 @@ fn what_the_format_cannot_hold_is_written_as_close_as_it_can_be() {
 
 #[test]
 fn memory_follows_the_file_and_not_its_counts() {
-    // The shortest tokens make the most objects of a byte.
+    // The shortest tokens give the most objects per byte.
     let dense = |head: &str, tokens: usize, tail: &str| {
         let count = 300_000 / tokens;
         format!("a 9 9 1 {head}{count} {}{tail}", "1 ".repeat(count * tokens))
@@ -399,13 +399,13 @@ fn memory_follows_the_file_and_not_its_counts() {
         let lines = refused(format!("a 9 9 1 0 {count} {}", "1 ".repeat(200_000)));
         assert!(lines[0].contains("the sphere count is larger than what follows"), "{lines:?}");
     }
-    // Nothing but errors.
+    // A file in which every object is invalid.
     assert_eq!(refused(dense("0 0 ", 12, "").replace("1 1 1 1 ", "x x x x ")).len(), 21);
-    // As many white spaces as a count would need.
+    // As much white space as the tokens of the claimed count would need.
     refused(format!("a 9 9 1 0 0 100000 {}", " ".repeat(3_000_000)));
 }
 
-/// All that there is, to the last bit: -0 is told from 0.
+/// All of a scene as text, which distinguishes -0 from 0.
 fn bits(scene: &impl std::fmt::Debug) -> String {
     format!("{scene:?}")
 }
@@ -414,8 +414,7 @@ fn bits(scene: &impl std::fmt::Debug) -> String {
 fn a_scene_that_is_written_and_read_is_the_same_bit_by_bit() {
     let mut rng = Rng::new(1);
     for seed in 0..300 {
-        // Any numbers that are neither infinite nor NaN, and where these are not to be negative,
-        // their absolute values.
+        // Random finite numbers, or their absolute values where negative numbers are invalid.
         let mut number =
             || std::iter::repeat_with(|| f32::from_bits(rng.next_u64() as u32)).find(|x| x.is_finite()).unwrap();
         let mut point = || Vec3::from_array([(); 3].map(|()| number()));
@@ -432,14 +431,14 @@ fn a_scene_that_is_written_and_read_is_the_same_bit_by_bit() {
         scene.camera = Camera::new(640, 480, point().x.abs().max(f32::from_bits(1)), 1.0).unwrap();
         let text = scene.to_text();
         assert_eq!(bits(&accepted(&text)), bits(&scene));
-        // A number that a comment ends is read with care.
+        // A number that ends with a comment is read by the slower parser.
         let lines = text.lines().filter(|line| !line.starts_with('#'));
         let with_care: String = lines.map(|line| line.replace(' ', "#\n") + "#\n").collect();
         assert_eq!(bits(&accepted(with_care)), bits(&scene));
     }
 }
 
-/// What is said of the first line that does not fit, in the help of the first error.
+/// The help about the first line that does not fit, from the first error.
 fn misfit(source: &str) -> Option<String> {
     let error = parse(source.as_bytes(), "a scene of this test").unwrap_err();
     let help = error.diagnostics()[0].help.clone()?;
@@ -453,24 +452,24 @@ fn first_line_that_does_not_fit_a_count_is_named() {
     assert!(parse(scene.as_bytes(), "a scene of this test").is_ok());
     let said = |line: &str, of_line: &str| Some(format!("line {line} has {of_line}"));
     for (from, to, expected) in [
-        // A number missing, in the first light and in the last.
+        // A missing number, in the first light and in the last one.
         ("1  1 1 1  0 5 0\n1 ", "1  1 1 1  0 5\n1 ", said("5", "6 of the 7 numbers of light 1")),
         ("0 5 0\n\n", "0 5\n\n", said("6", "6 of the 7 numbers of light 2")),
-        // One too many.
+        // One number too many.
         ("1  1 1 1  0 5 0\n1 ", "1  1 1 1  0 5 0 0\n1 ", said("5", "8 numbers, and a light takes 7")),
-        // One light more and one less than announced.
+        // One light more, and one fewer, than the count says.
         ("2 # lights", "3 # lights", said("8", "1 of the 7 numbers of light 3")),
         ("2  1 1 1  0 0 9", "2  1 1 1  0 0", said("9", "6 of the 7 numbers of sphere 1")),
-        // With the line ends of elsewhere, and after a comment.
+        // With CR LF line ends, and after a comment.
         ("1  1 1 1  0 5 0\n1 ", "# 1 2 3\r\n1  1 1 1  0 5\r\n1 ", said("6", "6 of the 7 numbers of light 1")),
-        // A bad number is where it is.
+        // An invalid number is reported at its own place only.
         ("0 5 0\n1 ", "0 5 x\n1 ", None),
-        // What is written in several lines by intention.
+        // Items that are deliberately written in several lines.
         ("2 # lights\n1  1 1 1  0 5 0\n1  1 1 1  0 5 0\n\n1\n", "2\n1 1 1 1\n0 5 0\n1 1 1 1\n0 5 0\n\nmany\n", None),
     ] {
         assert!(scene.contains(from), "{from}");
         assert_eq!(misfit(&scene.replacen(from, to, 1)), expected, "{from:?} to {to:?}");
-        // A byte order mark counts for nothing.
+        // A byte order mark makes no difference.
         assert_eq!(misfit(&format!("\u{feff}{}", scene.replacen(from, to, 1))), expected, "{from:?} to {to:?}");
     }
 }

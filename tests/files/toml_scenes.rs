@@ -1,5 +1,5 @@
-//! Scene files in TOML: what is read and where it stands for the camera, what is refused, and in
-//! which words.
+//! Scene files in TOML: what is read and transformed to camera coordinates, and the errors for
+//! invalid files.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ use rayo::internals::scene::{
     Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, many, open, parse_toml, read,
 };
 
-/// Parses, and holds the memory that it takes to a multiple of the file.
+/// Parses a file and checks that this takes at most a multiple of its length in memory.
 fn parse(source: &[u8]) -> Result<Opened, SceneError> {
     let (opened, peak) = peak_of(|| parse_toml(source, "test.toml", Path::new("")));
     assert!(peak <= 300 * source.len() + (256 << 10), "{peak} bytes for a file of {}", source.len());
@@ -23,12 +23,12 @@ fn accepted(source: impl AsRef<[u8]>) -> Scene {
     parse(source.as_ref()).unwrap_or_else(|error| panic!("refused:\n{error}")).scene
 }
 
-/// The error in its short form, one line for each diagnostic.
+/// The errors, one line for each diagnostic.
 fn refused(source: impl AsRef<[u8]>) -> Vec<String> {
     parse(source.as_ref()).expect_err("a refusal").lines()
 }
 
-/// A scene with all that needs no other file.
+/// A scene with everything that needs no other file.
 const VALID: &str = r#"
 [image]
 file = "room.png"
@@ -109,7 +109,8 @@ fn triangles_of_no_area_are_told_by_line_or_number() {
     fs::write(path("flat.obj"), &mesh[..mesh.len() - 999 * 8]).unwrap();
     assert_eq!(warnings("flat.obj"), ["flat.obj: triangle 2 has no area, and no ray hits it"]);
 
-    // What rounding would draw apart, seen from elsewhere, is on one line all the same.
+    // A triangle whose corners are collinear stays without area after a transformation, although
+    // rounding would give it one.
     let text = "image = { width = 9, height = 7 }\ncamera = { position = [1, 2, 3], look_at = [0.3, 0.1, 9] }\n\
         [[triangle]]\nvertices = [[0.1, 0.3, 5], [0.2, 0.6, 5], [0.3, 0.9, 5]]\n\
         [[triangle]]\nvertices = [[0.1, 0.3, 5], [0.2, 0.6, 5], [0.3, 0.9001, 5]]\n\
@@ -140,7 +141,7 @@ fn what_is_left_out_has_a_default() {
 
 #[test]
 fn numbers_are_rounded_once_to_f32() {
-    // Just above the middle of 1 and the next f32: rounded through f64 it would be 1.
+    // Slightly above the midpoint of 1 and the next f32: rounding to f64 first would give 1.
     let scene = accepted(VALID.replace("[20, -20.0, 0]", "[1.000000059604644775390626, 1e-60, -0.0]"));
     let position = scene.lights[0].position.to_array().map(f32::to_bits);
     assert_eq!(position, [1.0 + f32::EPSILON, 0.0, -0.0].map(f32::to_bits));
@@ -160,7 +161,7 @@ fn the_world_is_moved_into_the_cameras_frame() {
         seen
     };
     let at = |x, y, z| Vec3::new(x, y, z);
-    // At rest, in every way of saying so.
+    // The camera at rest, written in several ways.
     for camera in
         ["", "position = [0, 0, 0]", "look_at = [0, 0, 7]", "up = [0, 2, 1]", "look_at = [0, 0, 1]\nup = [0, 1, 0]"]
     {

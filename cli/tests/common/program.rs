@@ -1,4 +1,4 @@
-//! The program, run in a directory as its users run it.
+//! Runs the program in a directory, as users do.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// What a run leaves to see.
+/// The observable results of a run.
 #[derive(Debug)]
 pub struct Run {
     pub status: i32,
@@ -23,28 +23,29 @@ impl Run {
         Run { status, stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 
-    /// What it printed, where it succeeded.
+    /// Standard output; the run must have succeeded.
     #[track_caller]
     pub fn printed(&self) -> &str {
         assert_eq!(self.status, 0, "{}", self.stderr);
         &self.stdout
     }
 
-    /// Its only line on standard error, where it succeeded and printed nothing.
+    /// The only line on standard error of a run that succeeded and printed nothing.
     #[track_caller]
     pub fn summary(&self) -> &str {
         assert_eq!((self.printed(), self.stderr.lines().count()), ("", 1), "{}", self.stderr);
         self.stderr.trim_end()
     }
 
-    /// The one JSON document that it printed.
+    /// The JSON document that the run printed.
     #[track_caller]
     pub fn document(&self) -> Value {
         assert!(self.stdout.ends_with('\n'), "{self:?}");
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
     }
 
-    /// Holds that it was bad usage or bad input, of which it said so among other words.
+    /// Asserts that the run failed because of invalid usage or input, with these words in its
+    /// message.
     #[track_caller]
     pub fn refuses(&self, words: &str) {
         assert_eq!((self.status, self.stdout.as_str()), (2, ""), "{}", self.stderr);
@@ -52,8 +53,8 @@ impl Run {
     }
 }
 
-/// Runs it with these arguments; neither colours nor a width or an engine of the developer's own.
-/// What RAYO_RUNNER names plays another CPU for it.
+/// Runs the program with these arguments, independently of the developer's settings for colours,
+/// terminal width and engine. RAYO_RUNNER names a program that emulates another CPU.
 #[track_caller]
 pub fn rayo(arguments: impl IntoIterator<Item = impl AsRef<OsStr>>, directory: &Path) -> Run {
     let program = env!("CARGO_BIN_EXE_rayo");
@@ -64,8 +65,8 @@ pub fn rayo(arguments: impl IntoIterator<Item = impl AsRef<OsStr>>, directory: &
     Run::of(command.current_dir(directory).args(arguments).output().unwrap())
 }
 
-/// The program as a shell starts it in the foreground: no signal is ignored, as some are where
-/// tests run in the background.
+/// The program as a shell starts it in the foreground: no signal is ignored, unlike in background
+/// jobs, which tests may be.
 #[cfg(target_os = "linux")]
 #[allow(dead_code, reason = "not every program of those that share it sends signals")]
 pub fn in_the_foreground() -> Command {
@@ -74,8 +75,8 @@ pub fn in_the_foreground() -> Command {
     command
 }
 
-/// Sends it a signal, by the shell: minimal systems have no `kill` beside it. Whether it was there
-/// to hear.
+/// Sends a signal to a process, by the shell, since minimal systems have no separate `kill`.
+/// Returns whether the process existed.
 #[cfg(target_os = "linux")]
 #[allow(dead_code, reason = "as above")]
 pub fn signal(name: &str, process: u32) -> bool {

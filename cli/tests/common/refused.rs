@@ -1,10 +1,10 @@
-//! A system that refuses calls, as sandboxes and other file systems do.
+//! Makes system calls fail, as in sandboxes and on some file systems.
 
 use std::io;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-/// A call that fails if one of its arguments has any of these bits.
+/// A system call that is to fail if one of its arguments has any of these bits set.
 #[derive(Clone, Copy)]
 pub struct Refusal {
     pub call: libc::c_long,
@@ -13,28 +13,28 @@ pub struct Refusal {
     pub error: libc::c_int,
 }
 
-/// Files without a name, as on NFS.
+/// Files without a name fail, as on NFS.
 pub const NAMELESS: Refusal = Refusal {
     call: libc::SYS_openat,
     argument: 2,
-    // O_TMPFILE without the bits of O_DIRECTORY.
+    // O_TMPFILE includes the bits of O_DIRECTORY, which alone must not fail.
     bits: (libc::O_TMPFILE & !libc::O_DIRECTORY) as u32,
     error: libc::EOPNOTSUPP,
 };
 
-/// Names for files that are reached through a link, as those without one are.
+/// Giving a name to a file without one fails, which is done through a link.
 pub const LINKS: Refusal =
     Refusal { call: libc::SYS_linkat, argument: 4, bits: libc::AT_SYMLINK_FOLLOW as u32, error: libc::EPERM };
 
-/// Data that the disk does not take in the end: of any descriptor but standard input.
+/// Flushing data to the disk fails.
 pub const SYNC: Refusal = Refusal { call: libc::SYS_fdatasync, argument: 0, bits: u32::MAX, error: libc::EIO };
 
-/// Where the system's record of a call has its number, and its first argument, whose lower half
-/// comes first.
+/// Offsets in seccomp's record of a system call: the call's number, and the first argument, of
+/// which the lower half comes first.
 const NUMBER_AT: u32 = 0;
 const ARGUMENTS_AT: u32 = 16;
 
-/// Has the command's process meet this refusal.
+/// Makes the process of `command` fail in this way.
 pub fn refuse(command: &mut Command, refusal: Refusal) {
     let install = move || install(refusal);
     // SAFETY: between fork and exec it only makes two system calls on memory of its own.

@@ -1,12 +1,12 @@
-//! A document held against a JSON Schema: the keywords that the schemas in docs/ use, and no
-//! others.
+//! Checks a document against a JSON Schema. Supports the keywords that the schemas in docs/ use,
+//! and no others.
 
 use serde_json::Value;
 
-/// Where and how `document` breaks `schema`; empty where it keeps to it.
+/// Where and how `document` violates `schema`; empty if it is valid.
 ///
 /// # Panics
-/// At a keyword that is not known here, so that none is silently passed over.
+/// At an unknown keyword, so that none is silently ignored.
 pub fn errors(schema: &Value, document: &Value) -> Vec<String> {
     let mut errors = Vec::new();
     check(schema, schema, document, "$", &mut errors);

@@ -1,5 +1,5 @@
-//! What the tests of engines share: the engines that run here, and their pictures held against the
-//! reference's.
+//! Shared by the tests of engines: the engines that run on this machine, and the comparison of
+//! their pictures with the reference's.
 
 #![allow(dead_code, reason = "no test of those that share it uses all of it")]
 
@@ -9,7 +9,7 @@ use rayo::internals::render::{Engine, Film, Frame, PixelFormat, Plan, Precision,
 use rayo::internals::scene::{Camera, Object, Scene};
 use rayon::prelude::*;
 
-/// An engine in one of its precisions.
+/// An engine with one of its precisions.
 #[derive(Clone, Copy)]
 pub struct Contender {
     pub engine: Engine,
@@ -27,14 +27,14 @@ impl Contender {
         self.engine.prepare(Some(self.precision), scene).unwrap()
     }
 
-    /// Its plan of a scene for this purpose, in its precision.
+    /// The engine's plan of a scene for a purpose, in this precision.
     pub fn plan<'a>(&self, scene: &'a Scene, purpose: Purpose) -> Plan<'a> {
         let purpose = Purpose { precision: Some(self.precision), ..purpose };
         Plan::new(self.engine, scene, purpose).expect("an engine that runs here, and a scene that is one")
     }
 
-    /// Every bit of its picture in a format, with the omissions in `keep` not made; of three
-    /// channels the fourth is 0.
+    /// Every bit of the picture in a format, with the omissions in `keep` not made. For three
+    /// channels the fourth number is 0.
     pub fn bits(&self, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<[u32; 4]> {
         let tracer = self.plan(scene, Purpose { format: Some(format), keep, ..Purpose::default() }).into_tracer();
         match film(tracer.as_ref(), scene.camera, 1, format) {
@@ -46,8 +46,8 @@ impl Contender {
         }
     }
 
-    /// Holds its pictures with the omissions in `keep` not made against those as planned, every
-    /// bit; floats in three channels and bytes in four.
+    /// Asserts that the pictures with the omissions in `keep` not made equal the planned ones in
+    /// every bit, for floats in three channels and bytes in four.
     pub fn check_kept(&self, scene: &Scene, keep: Keep, what: &str) {
         for format in [PixelFormat::F32x3, PixelFormat::Rgba8] {
             let [planned, kept] = [Keep::NOTHING, keep].map(|keep| self.bits(scene, format, keep));
@@ -61,24 +61,24 @@ impl Contender {
         }
     }
 
-    /// Its picture in linear floats, by this thread alone.
+    /// The picture in linear floats, traced by this thread alone.
     pub fn floats(&self, scene: &Scene) -> Vec<[f32; 4]> {
         let tracer = self.prepare(scene);
         let Film::F32x4(film) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4) else { unreachable!() };
         film.into_iter().map(|pixel| pixel.lanes()).collect()
     }
 
-    /// Its picture as a file of 8 bits has it: its own bytes where it writes some, else the levels
-    /// of its floats.
+    /// The picture as in an 8-bit file: the engine's own bytes if it writes bytes, otherwise the
+    /// levels of its floats.
     pub fn bytes(&self, scene: &Scene) -> Vec<[u8; 3]> {
         let film = film(self.prepare(scene).as_ref(), scene.camera, 1, self.engine.format_for(true));
         (0..film.len()).map(|pixel| film.colour(pixel).levels()).collect()
     }
 
-    /// The relative error of the light that a surface reflects, in floats or, if it writes some
-    /// itself, in bytes: some roundings; or, in `fast` and in the bytes of `single`, two estimates
-    /// (of a root and of a reciprocal root) of which each may be off by 1.5 x 2^-12, as SSE's
-    /// rsqrtps is.
+    /// The largest relative error of the light that a surface reflects, in floats or, if the engine
+    /// writes them itself, in bytes. It is a few rounding errors; or, in `fast` and in the bytes of
+    /// `single`, that of two estimates (of a root and of a reciprocal root), each with an error up
+    /// to 1.5 x 2^-12, as SSE's rsqrtps has.
     #[allow(dead_code, reason = "not every test that shares this asks for it")]
     pub fn shade_error(&self, format: PixelFormat) -> f32 {
         match (self.precision.name(), format) {
@@ -87,15 +87,15 @@ impl Contender {
         }
     }
 
-    /// Whether it solves eq. 5 as it stands there, in f32: |c|^2 - r^2 cancels for spheres that are
-    /// small for their distance. `c` and `paper` do so because the paper does, `rust` because a
+    /// Whether the engine evaluates eq. 5 literally in f32: |c|^2 - r^2 cancels for spheres that
+    /// are small for their distance. `c` and `paper` do so because the paper does, `rust` because a
     /// plain program does.
     pub fn cancels(&self) -> bool {
         ["rust", "c", "paper"].contains(&self.engine.name())
     }
 }
 
-/// Every engine that this machine runs, in every precision that it has.
+/// Every engine that this machine can run, in each of its precisions.
 pub fn contenders() -> Vec<Contender> {
     let names = ["single", "fast", "double"];
     let precisions: Vec<Precision> = names.iter().filter_map(|name| name.parse().ok()).collect();
@@ -111,18 +111,18 @@ pub fn contenders() -> Vec<Contender> {
     contenders
 }
 
-/// The packet engines among them.
+/// The contenders with packet engines.
 pub fn packets() -> Vec<Contender> {
     contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect()
 }
 
-/// Holds the pictures of every packet engine against those by brute force.
+/// Asserts that the pictures of every packet engine equal those by brute force.
 pub fn check_by_force(scene: &Scene, what: &str) {
     packets().iter().for_each(|contender| contender.check_kept(scene, Keep::all(), what));
 }
 
-/// Packet engines that round alike, two of each precision that has no estimates, one after the
-/// other: they make the same floats.
+/// Pairs of packet engines that round in the same way and so make the same floats: for each
+/// precision without estimates, neighbours in the order of engines.
 pub fn twins() -> Vec<[Contender; 2]> {
     let arithmetic = |c: &Contender| Some((c.engine.packets()?.single.fused, c.precision.name()));
     let all: Vec<_> = contenders().into_iter().filter(|c| c.precision != Precision::Fast).collect();
@@ -133,7 +133,7 @@ pub fn twins() -> Vec<[Contender; 2]> {
     all.iter().enumerate().filter_map(twin).collect()
 }
 
-/// The whole picture.
+/// The whole picture, traced into a film.
 pub fn film(tracer: &dyn Tracer, camera: Camera, threads: usize, format: PixelFormat) -> Film {
     let frame = Frame::new(tracer, camera, Settings { threads }).unwrap();
     let mut film = frame.film(format, camera.height()).unwrap();
@@ -146,12 +146,12 @@ pub fn levels([r, g, b, _]: [f32; 4]) -> [u8; 3] {
     [r, g, b].map(|v| level(v.into()))
 }
 
-/// The largest difference of any channel.
+/// The largest difference of a channel.
 pub fn difference(a: [u8; 3], b: [u8; 3]) -> u8 {
     a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap()
 }
 
-/// What the reference sees: the object of each pixel, and where objects meet.
+/// The picture of the reference, with the object at each pixel.
 pub struct Truth {
     scene: Scene,
     objects: Vec<Option<Object>>,
@@ -161,20 +161,20 @@ pub struct Truth {
 /// The share of silhouette pixels on which an engine may differ from the reference by more than a
 /// level.
 ///
-/// A ray within the rounding of an outline may fall on either side. For spheres that are hundreds
-/// of radii away, as in `many.in`, eq. 5 in f32 moves the outline by hundredths of a pixel; no
-/// other form does.
+/// A ray within the rounding error of an outline may fall on either side of it. For spheres
+/// hundreds of radii away, as in `many.in`, eq. 5 in f32 shifts the outline by hundredths of a
+/// pixel; no other form does.
 fn silhouette_share(contender: &Contender) -> f64 {
     if contender.cancels() { 0.005 } else { 0.001 }
 }
 
-/// How a picture differs from the reference's.
+/// The differences of a picture from the reference's.
 pub struct Agreement {
-    /// Pixels that see another object than one of their four neighbours.
+    /// The number of pixels at which one of the four neighbours shows another object.
     pub silhouette: usize,
-    /// Those among them that differ by more than a level.
+    /// How many of these differ by more than a level.
     pub differing: usize,
-    /// The largest difference elsewhere.
+    /// The largest difference at other pixels.
     pub worst: u8,
 }
 
@@ -191,12 +191,12 @@ impl Truth {
         Truth { scene: scene.clone(), objects, bytes }
     }
 
-    /// The object that a pixel sees.
+    /// The object that is visible at a pixel.
     pub fn object(&self, row: u32, col: u32) -> Option<Object> {
         self.objects[(row * self.scene.camera.width() + col) as usize]
     }
 
-    /// Whether a pixel sees another object than one of its four neighbours.
+    /// Whether one of a pixel's four neighbours shows another object.
     pub fn at_silhouette(&self, row: u32, col: u32) -> bool {
         let camera = &self.scene.camera;
         let rows = row.saturating_sub(1)..=(row + 1).min(camera.height() - 1);
@@ -206,8 +206,8 @@ impl Truth {
             || cols.into_iter().any(|col| self.object(row, col) != seen)
     }
 
-    /// Holds a picture by `contender` against the reference's: away from silhouettes each pixel, at
-    /// silhouettes their number. An error says where they do not agree.
+    /// Compares a picture by `contender` with the reference's: each pixel away from silhouettes,
+    /// and the number of differing pixels at silhouettes. The error says where they disagree.
     pub fn compare(&self, contender: &Contender, bytes: &[[u8; 3]]) -> Result<Agreement, String> {
         let width = self.scene.camera.width();
         let mut agreement = Agreement { silhouette: 0, differing: 0, worst: 0 };
@@ -228,17 +228,17 @@ impl Truth {
             }
         }
         let Agreement { silhouette, differing, .. } = agreement;
-        // A picture of few pixels may have one such ray by chance.
+        // Tolerate a single pixel: a small picture may have one such ray by chance.
         if differing > 1 && differing as f64 > silhouette_share(contender) * silhouette as f64 {
             return Err(format!("{contender} differs on {differing} of {silhouette} silhouette pixels"));
         }
         Ok(agreement)
     }
 
-    /// Holds the picture that `contender` makes against the reference's.
+    /// Compares the picture that `contender` makes with the reference's.
     ///
     /// # Panics
-    /// Where they do not agree; `what` says of which scene.
+    /// If they disagree; `what` names the scene.
     pub fn check(&self, contender: &Contender, what: &str) -> Agreement {
         let agreement = self.compare(contender, &contender.bytes(&self.scene));
         agreement.unwrap_or_else(|error| panic!("{what}: {error}"))

@@ -110,7 +110,7 @@ impl<E: Element> TileTracer<'_, E> {
         candidates.chunks(CHUNK).map(count).sum()
     }
 
-    /// As [`Tracer::hits`], for only those tiles that `own` selects.
+    /// As `Tracer::hits`, for only those tiles that `own` selects.
     pub(super) fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
         let width = self.plan.size()[0] as usize;
         let mut found = vec![None; rows.len() * width];

@@ -16,7 +16,7 @@ const MOST_CASES: usize = 2_000;
 pub enum Difference {
     /// The results differ where these facts hold, provided that some input fulfils them.
     Under(Facts),
-    /// There are more than [`MOST_CASES`] cases.
+    /// There are more than `MOST_CASES` cases.
     Cases,
 }
 
