@@ -1,8 +1,9 @@
 ; seen.asm - the bounds of each group of a tile's points, as a light sees them on a side of its cube, in f64.
 ;
 ; With the light as the origin and z the depth on the side, a point is on it where |x| and |y| are below z, and is seen
-; at x / z and y / z, counted in cells. All ends are least values: greatest ones are negated. Rounding them to f32 keeps
-; their order, so that they may be compared with those of objects.
+; at x / z and y / z, counted in cells. Each bound of a group is kept as a minimum: x, y and
+; depth hold its greatest values, negated, past_x and past_y its least ones. Rounding to f32 keeps the order of numbers,
+; so that the bounds may be compared with those of objects, which are rounded too.
 ;
 ; unsafe extern "sysv64" fn(view: *const LightSideView, across, down, depth, groups: *mut LitGroups, seen)
 ;

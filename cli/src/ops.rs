@@ -141,7 +141,8 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     }
 }
 
-/// The failure for an error of counting.
+/// An unknown operation is the fault of the arguments; a result that differs from its twin is a check
+/// that failed.
 pub fn failure(error: OpsError) -> Failure {
     match error {
         OpsError::NoOperation(_) => Failure::input(error),

@@ -108,7 +108,8 @@ enum Outcome {
     Unusable { file: String, holds: bool, unusable: String },
 }
 
-/// Tries each file, and prints what was found.
+/// Runs `rayo try`: as the child process, or to print a template or listings, to watch files, or to
+/// try each file once.
 pub fn run(args: &TryArgs) -> Result<ExitCode, Failure> {
     if args.serve {
         return bring::serve().map(|()| ExitCode::SUCCESS).map_err(Failure::output);

@@ -17,7 +17,7 @@ pub struct FacePart<'a> {
     /// The corner indices of the faces; none refers to the padding.
     corners: &'a [[u32; 3]],
     colours: &'a [ColourRun],
-    /// The index of the first of these faces, as the colour runs count faces.
+    /// The index of this part's first face in the whole list, whose faces `colours` counts.
     first: usize,
 }
 

@@ -54,7 +54,7 @@ impl<E: Element> PacketOp<E> {
         }
     }
 
-    /// The symbol of the operation's code.
+    /// The symbol by which the linker knows the operation, such as `rayo_paper_dot`.
     pub fn symbol(&self) -> &'static str {
         self.kernel.symbol()
     }

@@ -36,7 +36,7 @@ use crate::scene::{Grid, MAX_SIDE, Scene, Sphere, Triangle};
 
 /// The error bound of an edge over a tile, in units of u (half of EPSILON of the tile's element
 /// type) times its terms. A term goes through at most four roundings, which `rayo ops --proofs`
-/// counts; the rest is a margin.
+/// counts; the other third covers the errors of the set-up in f64, as `proofs/edge-*.g` prove.
 pub const EDGE_ROUNDINGS: f64 = 6.0;
 
 /// A triangle in more tiles than this is large: it is in one list that all tiles go through, and
@@ -71,7 +71,7 @@ pub struct Tiles<'a, E> {
     linear: Weighted,
     levels: Weighted,
     binned: Arc<Binned>,
-    /// The shadows, if the scene has them.
+    /// What each light sees, cell by cell; None in a scene without shadows.
     shadows: Option<Arc<Shadows<'a>>>,
     /// The planes of both kinds of triangles, computed in f64, if there are few triangles: the
     /// planes of the kernels lose digits in slivers.

@@ -84,7 +84,8 @@ fn find_bends(rows: [&[u8]; 3], bends: &mut [u8]) {
 mod tests {
     use super::*;
 
-    /// The edges of a picture of grey levels, all rows at once and row by row.
+    /// The columns of edges in each row of a picture of grey levels. Checks that all rows at once
+    /// and each row alone give the same ones.
     fn edges<const WIDTH: usize>(picture: &[[u8; WIDTH]]) -> Vec<Vec<u32>> {
         let height = picture.len() as u32;
         let levels: Vec<_> = picture.as_flattened().iter().map(|level| [*level, 7, 7, 255]).collect();

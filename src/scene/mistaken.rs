@@ -11,7 +11,8 @@ pub(crate) struct Mistaken {
     pub help: &'static str,
 }
 
-/// How many bytes from the start of a file [`recognise`] needs.
+/// How many bytes from the start of a file [`recognise`] looks at: most signatures are of a few
+/// bytes, but blanks and a comment may stand before the first tag of a web page.
 pub(crate) const BEGINNING: usize = 256;
 
 const UTF_16: Mistaken = Mistaken {

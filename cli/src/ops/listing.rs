@@ -21,7 +21,8 @@ struct Shown<'a> {
     label: String,
     /// The instruction in Intel's syntax, with the label of its jump target.
     text: String,
-    /// Whether the instruction also is in the first column.
+    /// Whether the function in the first column of the listing has this instruction too, in the same
+    /// order.
     common: bool,
 }
 

@@ -358,7 +358,8 @@ fn readme_demo_and_makefile_make_the_same_pictures() {
 #[test]
 fn the_pictures_of_the_readme_are_what_the_program_renders() {
     if cfg!(not(all(feature = "asm", target_arch = "x86_64"))) {
-        // They are by packets, to which the other engine in f32 comes close, but not at every edge.
+        // The pictures that are kept were rendered by packets in assembly, and are compared byte by byte
+        // with those of the same engines.
         return;
     }
     let directory = scratch_folder();

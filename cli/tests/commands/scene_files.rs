@@ -131,7 +131,7 @@ fn no_file_steers_the_terminal() {
         let output = place.command().args(["render", &name]).output().unwrap();
         assert!(!String::from_utf8_lossy(&output.stderr).contains(c), "{output:?}");
     }
-    // In JSON too, where the value is the name.
+    // JSON escapes these characters too: its reader gets the exact name of the file.
     let name = "a\u{7f}\u{9b}\u{202e}\u{e0041}\u{e9}\n.in";
     place.write(name, SCENE);
     let output = String::from_utf8(place.command().args(["plan", name, "--json"]).output().unwrap().stdout).unwrap();

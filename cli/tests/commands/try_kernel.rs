@@ -43,7 +43,7 @@ const KERNELS: [Kernel; 65] = [
     kernel("dot_fma.asm", ORDER, &[]),
     kernel("dot_in_double.c", ORDER, &[]),
     kernel("normalise_by_reciprocal.asm", ORDER, &[]),
-    // Wrong results.
+    // They keep the calling convention, and return other numbers.
     kernel("dot_one_haddps.asm", WRONG, &["result"]),
     kernel("dot_no_haddps.asm", WRONG, &["result"]),
     kernel("dot_wrong_lane.asm", WRONG, &["result"]),

@@ -88,7 +88,8 @@ impl Settings {
         OBJECTS.into_iter().filter(move |count| *count <= most)
     }
 
-    /// How many times [`measure`] calls `proceed` with work 1 if it is called for every line.
+    /// How many lines of the figure a whole run measures; after each, [`measure`] calls `proceed`
+    /// with work 1.
     pub fn work(&self) -> u64 {
         let pixels = self.sizes().count() * OUTPUTS.len();
         (pixels + self.objects().count() * SCENES.len() + LIGHTS.len()) as u64

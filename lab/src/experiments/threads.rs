@@ -35,7 +35,7 @@ pub struct OnThreads {
     pub speedup: f64,
 }
 
-/// How many times [`run`] calls `proceed`.
+/// The work that [`run`] reports by calling `proceed`: 1 for each of its three scenes.
 pub const WORK: u64 = 3;
 
 /// The numbers of threads: the powers of two up to `most`, and `most` itself.

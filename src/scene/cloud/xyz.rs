@@ -328,7 +328,8 @@ fn named_columns(comment: &[u8]) -> Option<Columns> {
 /// The columns of a list, guessed from its first lines. `has_ended` tells whether `text` is all
 /// of the file.
 fn columns_of_list(text: &[u8], has_ended: bool) -> Option<Columns> {
-    /// The number of lines that the guess is based on.
+    /// The number of lines that the guess is based on: whole numbers from 0 to 255 in so many lines are
+    /// colours, and are hardly something else.
     const LINES: usize = 200;
     // The last line of `text` may be incomplete, unless the file ends there.
     let end = if has_ended { text.len() } else { memrchr(b'\n', text).unwrap_or(text.len()) };

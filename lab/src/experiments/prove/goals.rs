@@ -58,8 +58,8 @@ fn cover<const AXES: usize>() -> Vec<[f64; AXES]> {
     corners.into_iter().map(|corner| corner.map(|n| f64::from(n) / f64::from(PARTS))).collect()
 }
 
-/// The cases of an edge over a tile, whose coefficients satisfy |E0| + 32 |EX| + 32 |EY| <= 2^24 /
-/// EDGE_ROUNDINGS.
+/// The cases of an edge over a tile. Its coefficients satisfy |E0| + 32 |EX| + 32 |EY| <= 2^24 /
+/// EDGE_ROUNDINGS, since set-up divides them by EDGE_ROUNDINGS u times this sum, with u = 2^-24.
 fn cases_of_edge() -> Vec<Vec<(&'static str, f64)>> {
     let most = f64::from(1 << 24) / EDGE_ROUNDINGS;
     let case = |[first, across, down]: [f64; 3]| {

@@ -309,7 +309,7 @@ pub fn multiply(a: Node, b: Node) -> Node {
     negate_if(is_negative, node(format, Multiply(a.min(b), a.max(b))))
 }
 
-/// Signs move out of quotients.
+/// The node of a / b. Signs are moved out of it, so that (-a) / b and a / (-b) become one node.
 pub fn divide(a: Node, b: Node) -> Node {
     let format = a.format();
     if any_nan(&[a, b]) {

@@ -100,8 +100,8 @@ impl Found {
     }
 }
 
-/// A far sphere under a light directly in front of it, just far enough away that the short form is
-/// used: the case in which estimates matter most.
+/// A far sphere under a light directly in front of it, 1.66 radii from its centre: just far enough
+/// away that bytes are shaded by the short form, which is the case in which estimates matter most.
 fn just_short() -> Scene {
     let sphere =
         Sphere { centre: glam::Vec3::new(0.0, 0.0, 100.0), radius: 1.0, colour: glam::Vec3::new(0.95, 0.9, 0.5) };
