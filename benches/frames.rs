@@ -1,10 +1,10 @@
 //! Whole frames, one group per scene, with a row for each engine and pixel format that this machine
 //! has.
 //!
-//! `frame`: one thread, into memory that was touched before, 320 x 240 pixels. `many`: from the
-//! parsed scene to the last of 1632 x 1224 pixels in RGBA8, set-up included, by the packets; by the
-//! fastest in `double` and on two threads too. criterion runs the rows one after the other; ratios
-//! to rely on come from `rayo experiment`, which interleaves its contestants.
+//! `frame`: one thread, into memory that was written before, 320 x 240 pixels. `many`: from the
+//! parsed scene to the last of 1632 x 1224 pixels in RGBA8, including set-up, by the packet
+//! engines; by the fastest one also in `double` and on two threads. criterion runs the rows one
+//! after the other; for reliable ratios use `rayo experiment`, which interleaves its contestants.
 
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ fn tetrahedron() -> Scene {
     Scene { triangles: faces.map(face).to_vec(), ..empty() }
 }
 
-/// The sphere under eight lights about it.
+/// The sphere under eight lights around it.
 fn eight_lights() -> Scene {
     let corner = |i: u32, bit: u32| if i >> bit & 1 == 0 { -6.0 } else { 6.0 };
     let lights = (0..8).map(|i| lamp(Vec3::new(corner(i, 0), corner(i, 1), 4.0 + corner(i, 2))));

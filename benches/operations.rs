@@ -1,12 +1,13 @@
 //! Every operation and intersection, one group each, with a row per implementation.
 //!
-//! The rows are C, both forms of the macros, the scalar twin, and glam where it has the operation.
+//! The rows are C, both forms of the macros, the scalar twin in Rust, and glam where it has the
+//! operation.
 //!
-//! A row goes through 64 inputs, so that nothing is computed beforehand, and writes 64 results: on
-//! some CPUs one place on the stack, written by a kernel and read by its caller each time, costs
-//! more than the operation. The kernels' functions are called, not inlined: `rayo ops` has what the
-//! operations take within a kernel. criterion runs the rows one after the other; ratios to rely on
-//! come from `rayo experiment`, which interleaves its contestants.
+//! A row runs through 64 inputs, so that nothing can be computed in advance, and writes 64 results:
+//! on some CPUs, a single place on the stack that a kernel writes and its caller reads each time
+//! costs more than the operation. The kernels' functions are called, not inlined; `rayo ops` tells
+//! what operations cost within a kernel. criterion runs the rows one after the other; for reliable
+//! ratios use `rayo experiment`, which interleaves its contestants.
 
 use std::hint::black_box;
 
@@ -20,7 +21,7 @@ use rayo::internals::scene::Rng;
 const INPUTS: usize = 64;
 const SEED: u64 = 1;
 
-/// What every operation is fed with: objects that about half of the rays hit.
+/// The inputs of all operations; about half of the rays hit their objects.
 struct Inputs {
     vectors: Vec<Vec4>,
     others: Vec<Vec4>,
@@ -71,7 +72,7 @@ impl Inputs {
     }
 }
 
-/// A row: `op` of each pair of inputs, into memory of its own.
+/// A row: applies `op` to each pair of inputs and writes the results to memory.
 fn row<A, B, O: Default>(
     group: &mut BenchmarkGroup<WallTime>,
     name: &str,
@@ -91,7 +92,7 @@ fn row<A, B, O: Default>(
     });
 }
 
-/// A group with a row for each table of kernels that this CPU runs.
+/// A group with a row for each table of kernels that this CPU can run.
 fn kernel_rows<A: Plain, B: Plain, O: Plain + Default>(
     group: &mut BenchmarkGroup<WallTime>,
     op: impl Fn(&AosKernels) -> Op<A, B, O>,
@@ -112,12 +113,13 @@ fn glam(v: &Vec4) -> Vec3A {
 fn operations(c: &mut Criterion) {
     let inputs = Inputs::new();
     let Inputs { vectors, others, scalars, rays, spheres, triangles, surfaces, lights } = &inputs;
-    // glam's vectors stay what they are between operations, as the kernels' do.
+    // Convert before timing: glam's vectors stay in its own types between operations, as the
+    // kernels' do.
     let (glams, glam_others): (Vec<_>, Vec<_>) =
         (vectors.iter().map(glam).collect(), others.iter().map(glam).collect());
     let form = Form::Paper;
 
-    /// A group `$name`: the kernels' rows of that name, the twin, and glam.
+    /// Adds a group `$name` with rows for the kernels with that name, the twin, and glam.
     macro_rules! group {
         ($name:ident, $a:expr, $b:expr, twin $twin:expr $(, glam $glam_a:expr, $glam_b:expr => $glam:expr)?) => {{
             let mut group = c.benchmark_group(stringify!($name));

@@ -1,4 +1,4 @@
-//! Image files: written in bands and read back, whole or not at all, and never trusted.
+//! Image files: written in bands, atomically, and read back; files that are read are not trusted.
 
 use proptest::prelude::*;
 use rayo::internals::render::{
@@ -22,17 +22,17 @@ const FORMATS: [(&str, Format); 8] = [
     ("a.tiff", Format::Tiff),
 ];
 
-/// Levels with every byte value among them.
+/// Levels that include every byte value.
 fn levels(width: u32, height: u32) -> Vec<[u8; 3]> {
     (0..width * height).map(|i| [i as u8, (i / 3) as u8, (i * 7 + 1) as u8]).collect()
 }
 
-/// Values below 0, above 1 and not exact in decimal.
+/// Floats below 0, above 1, and inexact in decimal.
 fn floats(width: u32, height: u32) -> Vec<[f32; 3]> {
     (0..width * height).map(|i| [i as f32 / 7.0 - 3.0, -(i as f32), 1e-40 * i as f32]).collect()
 }
 
-/// What reading back the above must give.
+/// The picture that reading a file back must give.
 fn expected(format: Format, width: u32, height: u32) -> Picture {
     let pixels = if format.is_8bit() {
         Pixels::Rgb8(levels(width, height))
@@ -43,8 +43,7 @@ fn expected(format: Format, width: u32, height: u32) -> Picture {
     Picture::new(width, height, pixels)
 }
 
-/// A pixel as Radiance's format holds it: 8 bits of each channel, rounded below the largest one's
-/// first.
+/// A pixel as Radiance HDR stores it: 8 bits per channel with a common exponent, rounded down.
 fn rgbe(pixel: [f32; 3]) -> [f32; 3] {
     let pixel = pixel.map(|value| value.clamp(0.0, 255.0 * 2.0_f32.powi(119)));
     let largest = pixel.into_iter().fold(0.0, f32::max);
@@ -56,7 +55,7 @@ fn rgbe(pixel: [f32; 3]) -> [f32; 3] {
     pixel.map(|value| ((f64::from(value) / unit).round() * unit) as f32)
 }
 
-/// Writes all rows of the above, `band` rows per call.
+/// Writes all rows, `band` rows per call.
 fn write_rows(
     writer: &mut ImageWriter,
     format: Format,
@@ -85,7 +84,7 @@ fn names(directory: &TempDir) -> Vec<String> {
     names
 }
 
-/// What reading a file of these bytes gives.
+/// The result of reading a file with these bytes.
 fn read_bytes(bytes: &[u8]) -> Result<Picture, ImageError> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("image");
@@ -161,10 +160,10 @@ proptest! {
         strips in 1_u32..4,
     ) {
         let directory = tempfile::tempdir().unwrap();
-        // Several strips, some of one row.
+        // Several strips, some of a single row.
         let width = if width % 9 == 0 { width << 10 } else { width };
         let height = if width > 400 { height % 4 * strips + 1 } else { height * strips };
-        // Noise, smooth, or black for long; and rows that are like no row before.
+        // Noise, smooth values, or long runs of black; and rows unlike any row before.
         let noise = |i: u32| (i.wrapping_mul(seed | 1) ^ seed).wrapping_mul(0x9e37_79b9) >> 24;
         let value = |i: u32| if noise(i / 97) % 32 < zeros { 0 } else if i % 1024 < 300 { i / 50 } else { noise(i) };
         let pixels: Vec<_> = (0..width * height).map(|i| [value(i), value(3 * i), value(i / 2)].map(|v| v as u8)).collect();
@@ -176,7 +175,7 @@ proptest! {
             (fs::read(&path).unwrap(), read(&path).unwrap())
         });
         prop_assert!(whole == cut);
-        // The sum of the stream, which not every decoder looks at.
+        // The checksum of the stream, which not every decoder verifies.
         let mut stream = Vec::new();
         flate2::read::ZlibDecoder::new(&pixels_of(&whole.0)[..]).read_to_end(&mut stream).unwrap();
         prop_assert_eq!(stream.len(), (3 * width as usize + 1) * height as usize);
@@ -186,7 +185,7 @@ proptest! {
     }
 }
 
-/// A 2x2 picture for the literal bytes.
+/// A picture of 2x2 pixels whose files are compared with literal bytes.
 const TINY: [[u8; 3]; 4] = [[255, 0, 9], [10, 99, 100], [0, 0, 0], [1, 2, 3]];
 
 fn bytes_of_tiny(format: Format) -> Vec<u8> {
@@ -202,7 +201,7 @@ fn bytes_of_tiny(format: Format) -> Vec<u8> {
 fn plain_files_have_these_bytes() {
     assert_eq!(bytes_of_tiny(Format::Ppm), b"P6\n2 2\n255\n\xff\x00\x09\x0a\x63\x64\x00\x00\x00\x01\x02\x03");
     assert_eq!(bytes_of_tiny(Format::PpmText), b"P3\n2 2\n255\n255 0 9\n10 99 100\n0 0 0\n1 2 3\n");
-    // PFM has its rows from the bottom, in little endian.
+    // PFM stores its rows from the bottom up, in little endian.
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("tiny.pfm");
     let mut writer = ImageWriter::create(&path, Format::Pfm, 1, 2).unwrap();
@@ -215,7 +214,7 @@ fn plain_files_have_these_bytes() {
 
 #[test]
 fn qoi_is_marked_linear_and_one_colour_tiff_is_small() {
-    // The last byte of the header: 0 is sRGB.
+    // The last byte of the header: 0 would mean sRGB, and this is 1, linear.
     assert_eq!(bytes_of_tiny(Format::Qoi)[..14], *b"qoif\0\0\0\x02\0\0\0\x02\x03\x01");
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.tiff");
@@ -225,7 +224,7 @@ fn qoi_is_marked_linear_and_one_colour_tiff_is_small() {
     assert!(fs::metadata(&path).unwrap().len() < 36_000);
 }
 
-/// The chunks of a PNG: their names and contents.
+/// The chunks of a PNG: names and contents.
 fn chunks(png: &[u8]) -> Vec<(&str, &[u8])> {
     let (mut chunks, mut rest) = (Vec::new(), &png[8..]);
     while let Some((length, after)) = rest.split_first_chunk() {
@@ -236,7 +235,7 @@ fn chunks(png: &[u8]) -> Vec<(&str, &[u8])> {
     chunks
 }
 
-/// What the chunks of its pixels hold.
+/// The content of the IDAT chunks.
 fn pixels_of(png: &[u8]) -> Vec<u8> {
     chunks(png).into_iter().filter(|(name, _)| *name == "IDAT").flat_map(|(_, content)| content).copied().collect()
 }
@@ -254,7 +253,7 @@ fn dropped_or_unfinished_writer_keeps_the_old_file() {
     let directory = tempfile::tempdir().unwrap();
     for (name, format) in FORMATS {
         let path = directory.path().join(name);
-        // With some rows, and with all of them.
+        // After some rows, and after all rows.
         for rows in [4, 8] {
             let mut writer = ImageWriter::create(&path, format, 8, 8).unwrap();
             write_rows(&mut writer, format, (8, rows), 1).unwrap();
@@ -364,7 +363,8 @@ mod unix {
     #[test]
     fn a_full_disk_is_an_error_in_every_format_and_at_every_size() {
         for (_, format) in FORMATS {
-            // So small that nothing reaches the disk before the end, and so large that it does.
+            // A picture so small that nothing reaches the disk before the end, and one that is
+            // large enough.
             for size in [(1, 1), (300, 300)] {
                 let error = write(Path::new("/dev/full"), format, size, 1).unwrap_err().to_string();
                 assert!(error.contains("/dev/full") && error.contains("free some space"), "{format:?}: {error}");
@@ -405,7 +405,7 @@ mod unix {
     #[test]
     fn the_file_has_the_permissions_of_any_new_file() {
         let directory = tempfile::tempdir().unwrap();
-        // The umask of this process is what a file created in the plain way shows.
+        // A file created in the ordinary way shows this process's umask.
         fs::write(directory.path().join("plain"), "").unwrap();
         let mode = |name: &str| fs::metadata(directory.path().join(name)).unwrap().permissions().mode() & 0o7777;
         write(&directory.path().join("a.png"), Format::Png, (1, 1), 1).unwrap();
@@ -466,7 +466,7 @@ fn sixteen_bits_are_refused() {
 fn a_header_that_promises_too_much_is_an_error() {
     let mut huge_png = png(png::ColorType::Rgb, png::BitDepth::Eight, &[0; 6]);
     huge_png[16..24].copy_from_slice(&[0x3b, 0x9a, 0xca, 0x00, 0x3b, 0x9a, 0xca, 0x00]);
-    // The header's own checksum, so that it is the size that is refused.
+    // The header's checksum is right, so that the size is what is rejected.
     let sum = crc(&huge_png[12..29]);
     huge_png[29..33].copy_from_slice(&sum);
     for bytes in [
@@ -522,7 +522,7 @@ fn nonsense_is_an_error() {
     assert!(matches!(read(Path::new("/nowhere/at/all.png")), Err(ImageError::Read { .. })));
 }
 
-/// A file of the fuzzing corpus.
+/// The path of a file in the fuzzing corpus.
 fn of_corpus(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(name)
 }
@@ -561,7 +561,7 @@ fn exr_of_other_programs_is_read_as_the_library_reads_it() {
     }
 }
 
-/// What a good file holds.
+/// The picture in a valid file.
 fn sound(path: &Path) -> Picture {
     rayo::internals::render::read(path).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -569,7 +569,7 @@ fn sound(path: &Path) -> Picture {
 #[test]
 fn exr_shows_what_of_its_data_is_in_its_display_window() {
     use exr::prelude::*;
-    // Data of 4x3 pixels at (-1, 1), in a picture of 3x3 at (0, 0).
+    // Data of 4x3 pixels at (-1, 1), in a picture of 3x3 pixels at (0, 0).
     let channels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 1.0_f32));
     let mut image = Image::from_channels((4, 3), channels);
     image.layer_data.attributes.layer_position = Vec2(-1, 1);
@@ -638,7 +638,7 @@ fn what_a_file_says_takes_no_more_memory_than_the_file_can_mean() {
         let error = read(&of_corpus(name)).unwrap_err();
         assert!(matches!(error, ImageError::Malformed { .. }), "{name}: {error}");
     }
-    // That this one really has so many pixels is all that is known until it is compared with
+    // Whether this file really has so many pixels is only found out when it is compared with
     // another.
     assert_eq!(ImageFile::open(&of_corpus("image_png/bomb.png")).unwrap().size(), (8000, 1000));
 }
@@ -650,7 +650,7 @@ fn a_colour_profile_of_a_png_is_not_unpacked() {
     std::io::copy(&mut std::io::repeat(0).take(UNPACKED), &mut packed).unwrap();
     let chunk = packed.finish().unwrap();
     let chunk = [&(chunk.len() as u32 - 4).to_be_bytes()[..], &chunk, &crc(&chunk)].concat();
-    // After the signature and IHDR.
+    // Insert the chunk after the signature and IHDR.
     let mut png = bytes_of_tiny(Format::Png);
     png.splice(33..33, chunk);
     let directory = tempfile::tempdir().unwrap();
@@ -681,9 +681,9 @@ fn a_file_cut_off_anywhere_is_an_error() {
         let path = directory.path().join(name);
         write(&path, format, (4, 3), 3).unwrap();
         let bytes = fs::read(&path).unwrap();
-        // The last character of a P3 file may go, for it is a newline, what ends a QOI after its
-        // pixels, a TIFF's place of a next directory, and the chunks that end the stream and the
-        // file of a PNG after that of its last pixel.
+        // Some formats end with bytes that may be missing: the newline of a P3 file, the end marker
+        // of a QOI, a TIFF's offset of the next directory, and the chunks of a PNG after that of
+        // the last pixel.
         let (_, needed) = [(Format::Png, 21 + 12), (Format::PpmText, 2), (Format::Qoi, 8), (Format::Tiff, 4)]
             .into_iter()
             .find(|(with_end, _)| *with_end == format)
@@ -696,7 +696,7 @@ fn a_file_cut_off_anywhere_is_an_error() {
 }
 
 proptest! {
-    // Each of these writes two files, by threads.
+    // Each case writes two files with several threads.
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     #[test]

@@ -1,4 +1,4 @@
-//! `rayo accuracy`: its files, its document, and what it refuses.
+//! `rayo accuracy`: its files, its JSON document, and the errors for bad requests.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
         let is_its = |row: &&Value| row["engine"] == engine && row["precision"] == precision;
         assert!(rows.iter().filter(is_its).count() >= 4, "{contender:?}");
     }
-    // A row of --keep-all has the same errors as the row without it.
+    // A row with --keep-all has the same errors as the row without.
     let kept = rows.iter().filter(|row| row["option"] == "--keep-all");
     for row in kept.clone() {
         let same = |other: &&Value| ["scene", "engine", "precision", "output"].iter().all(|key| other[key] == row[key]);
@@ -47,7 +47,7 @@ fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
         document["against_plain"].as_array().unwrap().is_empty(),
         cfg!(not(all(feature = "asm", target_arch = "x86_64")))
     );
-    // The fastest row of each scene and output is on its front.
+    // The fastest row of each scene and output is on its Pareto front.
     for (scene, output) in rows.iter().map(|row| (&row["scene"], &row["output"])) {
         let of = || rows.iter().filter(move |row| &row["scene"] == scene && &row["output"] == output);
         let time = |row: &Value| row["ns_per_ray"].as_f64().unwrap();

@@ -1,4 +1,4 @@
-//! `rayo render --samples --edges --background --exposure --srgb`: what is made of linear light
+//! `rayo render --samples --edges --background --exposure --srgb`: how linear light is developed
 //! after tracing.
 
 use std::path::Path;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const SCENE: &str = "scenes/tetrahedron.in";
 
-/// Renders the scene, at 120x90, with these arguments.
+/// Renders the scene with 120x90 pixels and these arguments.
 fn render(directory: &Path, name: &str, args: &[&str]) -> Vec<u8> {
     let path = directory.join(name);
     let arguments = ["render", SCENE, "--quiet", "--size", "120x90", "-o", path.to_str().unwrap()];
@@ -38,7 +38,7 @@ fn samples_along_edges_take_fewer_rays_for_the_same() {
         let Pixels::Rgb8(pixels) = read(&path).unwrap().pixels else { panic!("it has bytes") };
         (report["rays"].as_u64().unwrap(), report["hits"].as_u64().unwrap(), pixels)
     };
-    // By spans and by tiles.
+    // A scene traced by spans, and one traced by tiles.
     for scene in ["scenes/sphere.in", "scenes/many.in"] {
         let [(rays, hits, all), edges, (.., one)] =
             [&["--samples", "4"][..], &["--samples", "4", "--edges"], &[]].map(|more| rendered(scene, more));
@@ -70,7 +70,7 @@ fn an_srgb_picture_of_a_mesh_shows_the_levels_of_its_file() {
     write("material.obj", "mtllib m.mtl\nusemtl m\nv -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n");
     write("m.mtl", &format!("newmtl m\nKd {colour}\n"));
     for mesh in ["levels.ply", "floats.ply", "vertices.obj", "material.obj"] {
-        // The mesh faces the camera and, beside it, the light.
+        // The mesh faces the camera and the light, which is beside the camera.
         let scene = format!(
             "[image]\nfile = 'a.png'\nwidth = 1\nheight = 1\n[[light]]\nposition = [0, 0, 0]\n[[mesh]]\nfile = '{mesh}'\n\
              translate = [0, 0, 5]\n"
@@ -104,7 +104,7 @@ fn a_background_in_srgb_is_the_colour_of_the_picture() {
         let colour = format!("#{level:02x}{level:02X}{level:02x}");
         assert_eq!(corner(&["--srgb", "--background", &colour]), [level; 3], "{colour}");
     }
-    // Without --srgb the levels are those of linear light.
+    // Without --srgb, levels are in linear light.
     assert_eq!(corner(&["--background", "#ff8000"]), [255, 55, 0]);
 }
 
@@ -123,7 +123,7 @@ fn a_background_brighter_than_white_is_noted_once() {
     let note = "note: --background 255,255,128.5 is brighter than white, which is 1,1,1; levels from 0 to 255 are written in \
                 hexadecimal, as in '#ff8000'";
     assert_eq!(noted(&[&[path("a.png").as_str()], &bright[..]].concat()), [note]);
-    // Several pictures, floats, no talk, a darker exposure, and white.
+    // Several pictures get a single note; floats, --quiet, a darker exposure and white get none.
     let scenes = [path("d").as_str(), "scenes/sphere.in", "--background", "1,2,1"].map(String::from);
     assert_eq!(noted(&scenes.each_ref().map(String::as_str)).len(), 1);
     let none = [""; 0];

@@ -1,4 +1,4 @@
-//! `rayo diff`: what it tells of two pictures.
+//! `rayo diff`: its report about two pictures.
 
 use crate::place::{Place, invalid};
 use rayo::Pixels;
@@ -36,7 +36,7 @@ fn diff_passes_up_to_the_tolerance() {
     for (tolerance, status) in [("0", 1), ("2.9", 1), ("3", 0), ("inf", 0)] {
         assert_eq!(place.run(&format!("diff a.ppm b.ppm --tolerance {tolerance}")).status, status, "{tolerance}");
     }
-    // What is not a number differs by more than any tolerance.
+    // A NaN differs from a number by more than any tolerance.
     for (name, value) in [("nan.pfm", f32::NAN), ("one.pfm", 1.0)] {
         fs::write(place.path(name), [b"Pf\n1 1\n-1\n".as_slice(), &value.to_le_bytes()].concat()).unwrap();
     }
@@ -75,7 +75,8 @@ fn diff_writes_the_picture_of_the_differences() {
 #[test]
 fn diff_refuses_what_claims_another_size_before_it_is_decoded() {
     let place = images();
-    // A picture that says that it is large, and is damaged: that is not found out.
+    // A damaged picture whose header claims a large size: the damage is not reached, because the
+    // sizes differ.
     place.write("large.ppm", &format!("P6 300 30 255\n{}", "x".repeat(27_000)));
     let damaged = fs::read(place.path("large.ppm")).unwrap();
     fs::write(place.path("large.ppm"), &damaged[..26_000]).unwrap();

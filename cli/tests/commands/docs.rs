@@ -1,5 +1,5 @@
-//! The documents kept true: their commands run, and the paths, flags, targets and pictures that
-//! they name are there.
+//! Checks the documents: their commands run, and the paths, options, targets and pictures that they
+//! name exist.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -10,14 +10,14 @@ use crate::extent::all;
 use crate::program::rayo;
 use tempfile::TempDir;
 
-/// Those that exist in English and in Spanish.
+/// The documents that exist in English and in Spanish.
 const GUIDES: [[&str; 2]; 2] = [["README.md", "LEEME.md"], ["docs/tutorial.md", "docs/tutorial.es.md"]];
 
-/// The pages whose commands are run: all that have blocks of `sh`.
+/// The pages whose commands are run: all that have `sh` blocks.
 const PAGES: [&str; 6] =
     ["README.md", "docs/tutorial.md", "docs/counts.md", "docs/image-files.md", "docs/leaving-out.md", "docs/try.md"];
 
-/// The beginnings of commands that are not run here, and why.
+/// How the commands begin that are not run here, and why.
 const NOT_RUN: [(&str, &str); 8] = [
     ("make build", "it may install packages"),
     ("make demo", "it measures for minutes"),
@@ -41,7 +41,7 @@ fn text(path: impl AsRef<Path>) -> String {
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Every page, from the root.
+/// The paths of all pages, relative to the root.
 fn documents() -> Vec<String> {
     let of = |folder: &'static str| {
         let names = fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().file_name());
@@ -52,7 +52,7 @@ fn documents() -> Vec<String> {
     documents
 }
 
-/// The blocks of a document fenced as `language`.
+/// The blocks of a document that are fenced as `language`.
 fn blocks(document: &str, language: &str) -> Vec<String> {
     let text = text(document);
     let begin = format!("```{language}\n");
@@ -61,13 +61,13 @@ fn blocks(document: &str, language: &str) -> Vec<String> {
     blocks
 }
 
-/// The commands in a document's blocks of `sh`, without comments behind them.
+/// The commands in a document's `sh` blocks, without trailing comments.
 fn lines_of(document: &str) -> Vec<String> {
     let lines = blocks(document, "sh").concat();
     lines.lines().map(|line| line.split(" #").next().unwrap().trim_end().to_owned()).collect()
 }
 
-/// The arguments of a command, if it is one of `rayo`.
+/// The arguments of a command, if it is a `rayo` command.
 fn arguments_of(line: &str) -> Option<Vec<String>> {
     Some(line.strip_prefix("rayo ")?.split_whitespace().map(str::to_owned).collect())
 }
@@ -77,12 +77,12 @@ fn is_run(line: &str) -> bool {
     !NOT_RUN.iter().any(|(beginning, _)| is_exception(beginning))
 }
 
-/// The commands of `rayo` on all pages.
+/// The `rayo` commands of all pages.
 fn commands() -> Vec<Vec<String>> {
     PAGES.iter().flat_map(|page| lines_of(page)).filter_map(|line| arguments_of(&line)).collect()
 }
 
-/// `command` on this build, or None where it is about kernels that the build does not have.
+/// `command` as this build can run it; None if it needs kernels that the build lacks.
 fn in_this_build(mut command: Vec<String>) -> Option<Vec<String>> {
     if cfg!(not(all(feature = "asm", target_arch = "x86_64"))) {
         if ["step", "ops", "experiment", "try"].contains(&command[0].as_str()) {
@@ -95,7 +95,8 @@ fn in_this_build(mut command: Vec<String>) -> Option<Vec<String>> {
     Some(command)
 }
 
-/// What Cargo says of a command's arguments, where there is no package: nothing is built.
+/// Cargo's complaint about a command's arguments in a folder without a package, so that nothing is
+/// built.
 fn cargo_without_package(arguments: &str) -> String {
     let directory = TempDir::new().unwrap();
     let mut cargo = Command::new(env!("CARGO"));
@@ -103,13 +104,13 @@ fn cargo_without_package(arguments: &str) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-/// The words of a line of output that are the same on every machine: not cycles, and not what
-/// compilers of C and Rust make of an operation.
+/// The words of an output line that are the same on every machine: without cycles, and without what
+/// C and Rust compilers generate for an operation.
 #[cfg(all(feature = "asm", target_arch = "x86_64"))]
 fn stable_words(line: &str) -> Vec<&str> {
-    /// Up to the column `proved`.
+    /// The columns up to `proved`.
     const COUNTS: usize = 6;
-    /// The head of the column with the names, and those whose code the assembler fixes.
+    /// The heading of the column of names, and the names whose code the assembler determines.
     const BY_ASSEMBLER: [&str; 6] = ["by", "paper", "aos", "sse41", "avx2", "avx512"];
     let cells: Vec<_> = line.trim_matches('|').split('|').map(str::trim).collect();
     match &cells[..] {
@@ -121,8 +122,8 @@ fn stable_words(line: &str) -> Vec<&str> {
     }
 }
 
-/// The commands that have a block of `sh` of their own, each with the block of text that follows it
-/// and shows what it prints.
+/// The commands with an `sh` block of their own, each with the text block after it, which shows its
+/// output.
 #[cfg(all(feature = "asm", target_arch = "x86_64"))]
 fn shown_outputs(document: &str) -> Vec<(String, String)> {
     let text = text(document);
@@ -131,14 +132,14 @@ fn shown_outputs(document: &str) -> Vec<(String, String)> {
     pairs.map(|pair| (pair[0].1.trim_end().to_owned(), pair[1].1.to_owned())).collect()
 }
 
-/// What stands between backticks in running text, in the order of the document.
+/// The code spans in running text, in the order of the document.
 fn spans(document: &str) -> Vec<String> {
     let text = text(document);
     let prose: String = text.split("```").step_by(2).collect();
     prose.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// The pictures and files that a document leads to.
+/// The pictures and files that a document links to.
 fn links(document: &str) -> Vec<String> {
     let text = text(document);
     let links = text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap().to_owned());
@@ -149,7 +150,7 @@ fn help(subcommand: &[&str]) -> String {
     rayo([subcommand, &["--help"]].concat(), root()).printed().to_owned()
 }
 
-/// A new directory with the project's scenes in it.
+/// A new directory with the project's scenes.
 fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::create_dir_all(directory.path().join("scenes/meshes")).unwrap();
@@ -171,7 +172,7 @@ fn scratch_folder() -> TempDir {
     directory
 }
 
-/// Whether a pattern with at most one `*`, in its last part, names something of the project.
+/// Whether a pattern, with at most one `*` in its last component, matches a file of the project.
 fn exists(pattern: &str) -> bool {
     let path = root().join(pattern);
     let Some((start, end)) = path.file_name().and_then(|name| name.to_str()?.split_once('*')) else {
@@ -183,7 +184,7 @@ fn exists(pattern: &str) -> bool {
         .any(|file| file.file_name().to_str().is_some_and(|name| name.starts_with(start) && name.ends_with(end)))
 }
 
-/// Headings by their depth, and how many lines each kind of block has.
+/// The headings with their depths, and the number of lines in each kind of block.
 fn outline(document: &str) -> Vec<String> {
     let text = text(document);
     let mut outline = Vec::new();
@@ -263,8 +264,8 @@ fn the_tutorial_shows_what_its_commands_print() {
 
 #[test]
 fn flags_in_documents_are_known_to_the_program() {
-    // Some in blocks, some in running text, such as `rayo render --film`; and flags alone, which a
-    // subcommand has.
+    // Options are in blocks, in running text such as `rayo render --film`, or alone; an option
+    // alone must belong to some subcommand.
     let known = help(&[]);
     let is_subcommand = |word: &str| known.lines().any(|line| line.trim_start().starts_with(&format!("{word} ")));
     let has_flag = |help: &str, flag: &str| help.split([' ', ',', '\n']).any(|word| word == flag);
@@ -312,7 +313,8 @@ fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
     assert_eq!((wrong.status, wrong.stderr), (2, error.clone()));
 }
 
-/// Not in a sample: Cargo would check the library once more, since no other build has its features.
+/// Not part of the sampled tests: Cargo would check the library again, since no other build has
+/// these features.
 #[test]
 fn library_of_the_readme_builds_with_its_dependency() {
     if !all() {
@@ -340,7 +342,7 @@ fn library_of_the_readme_builds_with_its_dependency() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// The options that all pictures of the README are made with.
+/// The options of all pictures in the README.
 const LOOK: &str = "--shadows --size 400x300 --samples 4 --srgb";
 
 #[test]
@@ -385,13 +387,13 @@ fn every_path_that_a_document_names_exists() {
     for document in &documents() {
         for span in spans(document) {
             let path = span.trim_end_matches('/');
-            // What is built is not there yet, and <...> stands for a name to be chosen.
+            // Build results do not exist yet, and <...> stands for a name to be chosen.
             let built = path.starts_with("target") || path.starts_with("out");
             if built || path.contains([' ', '<']) {
                 continue;
             }
             let in_a_folder = path.contains('/') && top.contains(path.split('/').next().unwrap());
-            // What a page in docs calls by its name alone is what a command writes.
+            // A file that a page in docs calls by its bare name is written by a command.
             let at_the_top = !document.contains('/') && !path.contains('/') && path.ends_with(".md");
             if in_a_folder || at_the_top {
                 assert!(exists(path), "{document} names {path}, which is not there");
@@ -463,7 +465,7 @@ fn every_make_target_that_a_document_names_exists() {
     }
 }
 
-/// Cargo looks for these in the default package alone, which is that of the program.
+/// Cargo looks for these only in the default package, which is that of the program.
 #[test]
 fn cargo_commands_of_pages_name_their_package() {
     let examples = fs::read_dir(root().join("examples")).unwrap().map(|entry| entry.unwrap().path());

@@ -1,5 +1,4 @@
-//! `rayo experiment` through the program: its files, its document against the schema, and what it
-//! says of bad requests.
+//! `rayo experiment`: its files, its document against the schema, and the errors for bad requests.
 
 use crate::extent;
 use crate::program::{self, Run};
@@ -14,14 +13,15 @@ fn rayo(args: &[&str], out: &Path) -> Run {
     program::rayo([&["experiment"], args, &["--out", out.to_str().unwrap()]].concat(), Path::new("."))
 }
 
-/// The document of a quick run, and the directory it is in.
+/// The document of a quick run, and the directory with its files.
 fn quick(args: &[&str]) -> (TempDir, Value) {
     let directory = TempDir::new().unwrap();
     let document = rayo(&[&["--quick", "--runs", "1", "--json"], args].concat(), directory.path()).document();
     (directory, document)
 }
 
-/// That of a run whose every part is there, which is made once, for the report too.
+/// The document of a run with all stages, which is made once and shared with the tests of the
+/// report.
 pub fn whole() -> &'static (TempDir, Value) {
     static MADE: OnceLock<(TempDir, Value)> = OnceLock::new();
     MADE.get_or_init(|| quick(&["--ladder"]))
@@ -47,8 +47,7 @@ fn quick_run_writes_every_file_by_its_schema() {
     assert_eq!(text("table.csv").lines().count(), 1 + rows.len());
     assert!(text("table.md").contains("| 1632×1224 "));
 
-    // Five sizes, and at each of them the same contestants: floats of every engine, and bytes of
-    // some.
+    // Five sizes, each with the same contestants: floats by every engine, and bytes by some.
     let sizes: Vec<_> = rows.iter().filter(|row| row["engine"] == "c").map(|row| row["pixels"].as_u64()).collect();
     assert_eq!(sizes, [99_645, 499_392, 999_364, 1_498_840, 1_997_568].map(Some));
     for engine in rayo::internals::render::Engine::ALL.iter().filter(|engine| engine.usable()) {
@@ -82,7 +81,7 @@ fn verdicts_beside_a_busy_process_are_right_or_withheld() {
     if !extent::all() {
         return; // half a minute
     }
-    // What a thread starts stays on its core.
+    // Child processes inherit the pinning, and so compete for the core.
     rayo::internals::kernels::sys::pin_to_this_core().unwrap();
     let (_directory, quiet) = quick(&["--engines", "c"]);
     let burner = std::process::Command::new("sh").args(["-c", "while :; do :; done"]).spawn().unwrap();
@@ -124,12 +123,12 @@ fn bad_runs_are_bad_usage_and_a_bad_directory_fails() {
 #[test]
 fn single_case_is_held_to_the_rest_of_its_limit() {
     let at = TempDir::new().unwrap();
-    // Nearly all of its hits are wrong, and far fewer of its level's.
+    // Nearly all hits of this case are wrong, but far fewer of its whole level.
     let case = ["stability", "--family", "S1", "--engine", "paper", "--case", "45", "--quick"];
     assert!(program::rayo(case, at.path()).printed().contains("kept"));
 }
 
-/// By then it has said how long it will take, and hears signals.
+/// By the time of the signal, the command has announced its duration and installed its handlers.
 #[cfg(target_os = "linux")]
 #[test]
 fn stopped_measurement_has_the_status_of_its_signal() {
@@ -151,14 +150,14 @@ fn stopped_measurement_has_the_status_of_its_signal() {
     }
 }
 
-/// Stopped in its first second, a run keeps the sizes that are finished and says so, or has none to
-/// show.
+/// Stopped in its first second, a run keeps the sizes that are finished and says so, or says that
+/// none is.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interrupt_keeps_what_is_finished_and_says_so() {
     use std::process::Stdio;
     let directory = TempDir::new().unwrap();
-    // So many runs that no machine gets through them.
+    // More runs than any machine can finish.
     let mut child = program::in_the_foreground()
         .args(["experiment", "--engines", "c", "--runs", "3", "--json", "--out"])
         .arg(directory.path())
@@ -212,7 +211,7 @@ fn growing_pictures_are_written_by_their_schema() {
 fn growing_pictures_without_packets_are_refused_by_name() {
     let directory = TempDir::new().unwrap();
     rayo(&["--complexity", "--engines", "rust"], directory.path()).refuses("sse41, avx2 or avx512");
-    // Where there is one, the others are told, before anything is measured.
+    // Where packets are available, the other errors are reported before anything is measured.
     let taken = directory.path().join("taken");
     std::fs::write(&taken, "").unwrap();
     let run = rayo(&["--complexity", "--engines", "rust,portable,c"], &taken);

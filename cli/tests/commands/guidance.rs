@@ -1,5 +1,4 @@
-//! What the program says of files and arguments that are not what it takes, so that one knows what
-//! to do.
+//! Errors for unsuitable files and arguments: they tell the user what to do.
 
 use std::fs;
 use std::process::{Command, Stdio};
@@ -12,7 +11,7 @@ const TOML: &str = "[image]\nwidth = 16\nheight = 12\n[[light]]\nposition = [5, 
                     [[sphere]]\nradius = 0.5\ncentre = [0, 0, 5]\n";
 const OBJ: &str = "# a triangle\nmtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-/// A directory with these files.
+/// A new directory with these files.
 fn directory(files: &[(&str, &str)]) -> TempDir {
     let directory = TempDir::new().unwrap();
     for (name, content) in files {
@@ -23,13 +22,13 @@ fn directory(files: &[(&str, &str)]) -> TempDir {
     directory
 }
 
-/// Runs it with arguments that are separated by single spaces.
+/// Runs the program with arguments that are separated by single spaces.
 #[track_caller]
 fn run(arguments: &str, directory: &TempDir) -> Run {
     rayo(arguments.split(' '), directory.path())
 }
 
-/// Runs a line of bash, in which the program is called rayo.
+/// Runs a line of bash in which the program is called rayo.
 fn bash(line: &str, directory: &TempDir) -> Run {
     let runner = std::env::var("RAYO_RUNNER").unwrap_or_default();
     let mut command = Command::new("bash");
@@ -51,7 +50,7 @@ fn a_scene_from_a_pipe_is_read_as_from_standard_input() {
             assert!(picture("piped.ppm") == picture("file.ppm"), "{source}");
         }
     }
-    // By any name, then; a mistake is shown as one in TOML.
+    // A file with any name is recognised by its content; an error in it is shown as one in TOML.
     fs::write(files.path().join("scene.txt"), TOML.replace("16", "-16")).unwrap();
     run("render scene.txt", &files).refuses("error: the image's width is out of range\n --> scene.txt:2:9");
 }
@@ -77,7 +76,7 @@ fn a_mesh_without_a_telling_name_is_asked_for_one() {
         assert!(run.status == 2 && run.stderr.contains("` looks like a mesh in "), "{}", run.stderr);
     }
     run("render a.in", &files).refuses("error: `a.in` looks like a mesh in OBJ format");
-    // A mistake in a scene is still shown as one.
+    // An error in a scene is still shown as that.
     fs::write(files.path().join("v.in"), "v 10 x 1 0 0 0").unwrap();
     run("render v.in", &files).refuses("the height is not a whole number");
 }
@@ -118,7 +117,7 @@ fn a_windows_path_in_toml_is_read_or_explained() {
         scene(file).refuses("begins an escape, such as \\t for a tab: write the path with / or in 'single quotes'");
     }
     scene("'meshes\\none.obj'").refuses("meshes/none.obj: there is no such file");
-    // Of another mistake it says nothing.
+    // Other errors get no such help.
     assert!(!scene("\"none.obj\"").stderr.contains("single quotes"));
 }
 
@@ -145,7 +144,7 @@ fn picture_name_without_its_option_is_told_first() {
         .refuses("error: there is no scene file `b.PNG`: the picture's name follows -o, as in -o b.PNG");
     assert!(!files.path().join("picture.png").exists());
     run("render b.pgm", &files).refuses("there is no scene file `b.pgm`: the picture's name follows -o");
-    // A scene may have any name.
+    // A scene may have any file name.
     fs::write(files.path().join("b.pgm"), SCENE).unwrap();
     run("render b.pgm --quiet", &files).printed();
 }
@@ -184,7 +183,7 @@ fn an_option_of_another_program_is_met_with_ours() {
         refused.refuses(tip);
         assert!(refused.stderr.contains("  tip: ") && !refused.stderr.contains("as a value"), "{}", refused.stderr);
     }
-    // What a command does not have is not recommended to it.
+    // An option that a command lacks is not recommended for it.
     assert!(!run("make torus --width 8 -o a.obj", &files).stderr.contains("--size"));
 }
 

@@ -1,11 +1,11 @@
-//! Who starts the program: a launcher of ranks that it does not know, or a library that sets
-//! arithmetic before it begins.
+//! Environments that start the program: launchers of MPI ranks, and preloaded libraries that change
+//! the floating-point environment.
 
 use std::process::Command;
 
 use crate::program::Run;
 
-/// The program, by itself and in a folder, with these variables in its environment.
+/// Runs the program in a folder with these environment variables.
 fn start(variables: &[(&str, &str)], arguments: &[&str], folder: &tempfile::TempDir) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rayo"));
     command.envs(variables.iter().copied()).env("NO_COLOR", "1").env_remove("RAYO_ENGINE");
@@ -37,7 +37,7 @@ fn rank_0_says_that_every_rank_does_all_the_work() {
     }
 }
 
-/// Sets MXCSR as the environment says, before main and in each new thread.
+/// A library that sets MXCSR as an environment variable says, before main and in each new thread.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 const LIBRARY: &str = r#"
 #define _GNU_SOURCE
@@ -93,8 +93,8 @@ fn a_preloaded_library_that_sets_arithmetic_changes_no_picture() {
         run(control, &[&["render", "-o", "picture.pfm", "--quiet"], arguments].concat());
         std::fs::read(path("picture.pfm")).unwrap()
     };
-    // A plan is surveyed by the threads of a pool; nearly every operation of theirs has an inexact
-    // result.
+    // The threads of a pool survey a plan; nearly every operation of theirs is inexact, and would
+    // trap.
     let traps_of_inexact_results = 0x0f80;
     assert_eq!(run(traps_of_inexact_results, &["plan", "roof.obj"]), run(0x1f80, &["plan", "roof.obj"]));
     for arguments in [&["ball.in"][..], &["roof.obj", "--shadows", "--samples", "2"], &["ball.in", "--engine", "rust"]]

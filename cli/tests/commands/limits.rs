@@ -1,4 +1,4 @@
-//! Little memory, few threads, full disks and signals.
+//! Little memory, few threads, full disks, and signals.
 
 use crate::place::{Place, SCENE, run_into};
 use crate::program::{self, in_the_foreground};
@@ -24,7 +24,7 @@ fn lack_of_memory_is_told_and_needs_no_other_thread() {
     let output = place.shell("ulimit -v 500000; rayo make torus --triangles 100000000 -o a.ply");
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(1) && told.starts_with("error: there is no memory for "), "{output:?}");
-    // A stack that no thread can have.
+    // A stack size that no thread can get.
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/many.in");
     let output = place.shell(&format!("export RUST_MIN_STACK=100000000000000; rayo plan {scene}"));
     assert!(output.status.success(), "{output:?}");
@@ -32,7 +32,7 @@ fn lack_of_memory_is_told_and_needs_no_other_thread() {
     let output = place.shell("export RUST_MIN_STACK=100000000000000; ulimit -s 64; rayo render scene.in -o a.png");
     let told = "error: the stack has less than 1 MiB, and no thread with a larger one can be started (";
     assert!(output.stderr.starts_with(told.as_bytes()) && output.status.code() == Some(1), "{output:?}");
-    // Nor does a picture whose encoder has one of its own if there is one.
+    // An encoder's own thread is optional, too.
     let pictures = ["100000000000000", "2000000"].map(|stack| {
         let render = "rayo render scene.in --force --threads 1 -o a.exr";
         let output = place.shell(&format!("export RUST_MIN_STACK={stack}; {render}"));
@@ -47,7 +47,7 @@ fn lack_of_memory_is_told_and_needs_no_other_thread() {
 fn threads_are_as_many_as_the_system_gives_or_as_asked() {
     let place = Place::new();
     let cores = std::thread::available_parallelism().unwrap().get();
-    // Each other thread has a stack of a gigabyte.
+    // Each further thread needs a stack of a gigabyte.
     for (others, threads) in [(0, 1), (1, 2), (3, 4)] {
         let run = |arguments: &str| {
             let limits = format!("export RUST_MIN_STACK=1000000000; ulimit -v {}", 1_000_000 * others + 500_000);
@@ -73,14 +73,14 @@ fn picture_larger_than_memory_is_streamed() {
         let render = format!("rayo render scene.in --threads 1 --quiet --size {size} -o {name}");
         place.shell(&format!("export MALLOC_ARENA_MAX=1; ulimit -v 163840; {render}"))
     };
-    // As floats these are 205 MB, and the address space is held to 160 MiB.
+    // As floats these pictures have 205 MB; the address space is limited to 160 MiB.
     for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.exr"] {
         let output = limited(name, "4000x3200");
         assert!(output.status.success(), "{name}: {output:?}");
         fs::remove_file(place.path(name)).unwrap();
     }
-    // What is held whole, here 192 MB or more, shows that the limit is one; and more than a limit
-    // of its own is not begun.
+    // Formats that hold the whole picture, here at least 192 MB, show that the limit works; and
+    // pictures beyond a format's own limit are not begun.
     for (name, needed) in [("a.qoi", 1144), ("a.tiff", 1144), ("a.hdr", 4577)] {
         let output = limited(name, "8000x8000");
         assert_eq!(output.status.code(), Some(1), "{name}: {output:?}");
@@ -101,7 +101,7 @@ fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
     let others =
         [("a.obj", "make torus --triangles 100000 -o a.obj".into()), ("a.toml", "convert scene.in a.toml".into())];
     for (name, command) in renders.into_iter().chain(others) {
-        // No file may be longer than 64 blocks of 512 bytes.
+        // Files are limited to 64 blocks of 512 bytes.
         let output = place.shell(&format!("ulimit -f 64; rayo {command} --quiet"));
         let told = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{name}: {told}");
@@ -116,7 +116,7 @@ fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
 fn experiment_that_cannot_start_names_likely_limits() {
     let place = Place::new();
     let run = |files| place.shell(&format!("ulimit -n {files}; rayo experiment --quick --runs 1 --out a"));
-    // With fewer files it can neither listen for signals nor try the directory.
+    // With fewer files allowed it cannot listen for signals or test the directory.
     let mut told = (4..64).map(|files| String::from_utf8(run(files).stderr).unwrap());
     let is_before = |told: &str| ["listen for signals", "create a file"].iter().any(|what| told.contains(what));
     let told = told.find(|told| !is_before(told)).unwrap();
@@ -141,10 +141,10 @@ fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
 
     let place = Place::new();
     place.write("many.in", &rayo::internals::scene::many(300, 300, 1).to_text());
-    // Nobody listens: the file has no name, and goes with the process.
+    // No handler is installed: the file has no name, and vanishes with the process.
     for (signal, number) in [("INT", 2), ("TERM", 15), ("KILL", 9)] {
         for name in ["a.png", "a.exr"] {
-            // Minutes of work.
+            // A picture that takes minutes.
             let mut command = in_the_foreground();
             command.args(["render", "many.in", "--engine", "reference", "--size", "4000x4000", "--quiet", "-o", name]);
             let mut child = command.current_dir(&place.directory).spawn().unwrap();
@@ -160,7 +160,7 @@ fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
                 assert!(child.try_wait().unwrap().is_none(), "it has ended by itself");
                 std::thread::sleep(std::time::Duration::from_millis(5));
             }
-            // The signal may come at any time after that.
+            // From now on the signal may arrive at any time.
             std::thread::sleep(std::time::Duration::from_millis(60));
             assert!(program::signal(signal, child.id()));
             assert_eq!(child.wait().unwrap().signal(), Some(number), "{signal}");

@@ -1,4 +1,4 @@
-//! Pictures of meshes alone, which have neither a camera nor lights of their own.
+//! Pictures of mesh files, which have neither a camera nor lights.
 
 use rayo::Pixels;
 use rayo::internals::render::read;
@@ -6,20 +6,20 @@ use tempfile::TempDir;
 
 use crate::program::{Run, rayo};
 
-/// Runs it with arguments that are separated by single spaces.
+/// Runs the program with arguments that are separated by single spaces.
 #[track_caller]
 fn run(arguments: &str, directory: &TempDir) -> Run {
     rayo(arguments.split(' '), directory.path())
 }
 
-/// A directory with a torus of that name.
+/// A new directory with a torus in a file of this name.
 fn torus(name: &str) -> TempDir {
     let directory = TempDir::new().unwrap();
     run(&format!("make torus --triangles 2000 -o {name} --quiet"), &directory).printed();
     directory
 }
 
-/// The greens of a picture of floats.
+/// The green channel of a picture in floats.
 fn light(directory: &TempDir, name: &str) -> Vec<f32> {
     let Pixels::Rgb32F(pixels) = read(&directory.path().join(name)).unwrap().pixels else { panic!("floats") };
     pixels.iter().map(|pixel| pixel[1]).collect()
@@ -63,7 +63,7 @@ fn what_is_assumed_of_meshes_alone_is_said_once_in_a_call() {
     let count = |arguments: &str| run(arguments, &directory).stderr.matches("a mesh alone").count();
     std::fs::create_dir(directory.path().join("out")).unwrap();
     assert_eq!(count("render a.obj b.ply -o out --size 8x6"), 1);
-    // Which way is up in STL is another thing to say.
+    // For STL another note says which axis is up.
     assert_eq!(count("render a.obj b.ply c.stl -o out --size 8x6"), 2);
     assert_eq!(count("render a.obj --orbit 4 -o out/%d.ppm --size 8x6"), 1);
     assert_eq!(count("plan a.obj b.ply --size 8x6"), 1);

@@ -1,4 +1,4 @@
-//! The program: each command as its user meets it.
+//! The program: each command as users call it.
 
 #[path = "../../../tests/common/extent.rs"]
 mod extent;

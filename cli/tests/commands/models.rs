@@ -1,4 +1,4 @@
-//! Meshes, molecules and points alone, seen and lit as the options say.
+//! Meshes, molecules and point clouds without a scene file, seen and lit as the options say.
 
 use std::fs;
 
@@ -8,13 +8,14 @@ use crate::program::{Run, rayo};
 
 const WATER: &str = "3\nwater\nO 0 0 0\nH 0.96 0 0\nH -0.24 0.93 0\n2\nlater\nO 0 0 0\nH 0 0 0.96\n";
 
-/// Runs it with arguments that are separated by single spaces.
+/// Runs the program with arguments that are separated by single spaces.
 #[track_caller]
 fn run(arguments: &str, directory: &TempDir) -> Run {
     rayo(arguments.split(' '), directory.path())
 }
 
-/// A directory with a mesh, the same as a file of z upright, a molecule of two frames, and a scan.
+/// A directory with a mesh, the same mesh in a format with z up, a molecule of two frames, and a
+/// scan.
 fn models() -> TempDir {
     let directory = TempDir::new().unwrap();
     run("make torus --triangles 500 -o torus.ply --quiet", &directory).printed();
@@ -44,7 +45,7 @@ fn a_model_that_was_converted_is_seen_as_it_was_alone() {
         for scene in ["scene.toml", "scene.in"] {
             run(&format!("convert {model} {scene} {options} --quiet"), &directory).printed();
             let [fov, shadows] = ["--fov", "--shadows"].map(|option| options.contains(option) && scene == "scene.in");
-            // The paper's format has no place for these, nor for another size in its film.
+            // The paper's format cannot express shadows or another film diagonal.
             if !fov && !shadows {
                 run(&format!("render {scene} -o scene.ppm --quiet"), &directory).printed();
                 assert!(bytes(&directory, "scene.ppm") == bytes(&directory, "alone.ppm"), "{model} {options} {scene}");
@@ -56,13 +57,13 @@ fn a_model_that_was_converted_is_seen_as_it_was_alone() {
 #[test]
 fn a_mesh_stands_on_the_axis_that_is_said() {
     let directory = models();
-    // The torus of an STL file has z upright; as a PLY file it stands the same, if that is said.
+    // The torus of an STL file has z up; as a PLY file it looks the same with `--up z`.
     run("convert torus.stl other.ply --quiet", &directory).printed();
     for (model, options) in [("torus.stl", ""), ("other.ply", " --up z"), ("torus.ply", "")] {
         run(&format!("render {model}{options} -o {model}.ppm --size 80x60 --quiet"), &directory).printed();
     }
     assert!(bytes(&directory, "torus.stl.ppm") == bytes(&directory, "other.ply.ppm"));
-    // In a scene, and as three numbers, it is an axis of the world.
+    // For a scene, an axis means an axis of the world, and so do three numbers.
     run("convert torus.ply torus.toml --quiet", &directory).printed();
     let scene = |up: &str, name: &str| {
         run(&format!("render torus.toml --up {up} -o {name} --size 80x60 --quiet"), &directory).printed();
@@ -108,7 +109,7 @@ fn options_that_do_not_suit_a_file_are_refused() {
 #[test]
 fn a_field_of_view_is_the_angle_of_a_column() {
     let directory = TempDir::new().unwrap();
-    // A wall in front, which reaches 45 degrees up and down, and a little more.
+    // A wall in front of the camera that extends slightly beyond 45 degrees up and down.
     let wall = |half: f64| {
         format!(
             "a.ppm 9 9 1 1 1 1 1 1 0 0 0 0 2 1 1 1 -{half} -{half} 1 {half} -{half} 1 {half} {half} 1 \

@@ -1,4 +1,4 @@
-//! Instruction counts: the counters on functions whose counts are known, and `rayo ops` itself.
+//! Instruction counts: the counters applied to functions with known counts, and `rayo ops` itself.
 
 mod executed {
     use rayo::internals::kernels::harness::KNOWN;
@@ -149,7 +149,7 @@ mod disassembled {
         assert!(Code::in_object(b"not an object", "rayo_known_0").is_none());
     }
 
-    /// Machine code of one instruction, and what it is.
+    /// The machine code of an instruction, and its classification.
     const KINDS: [(&[u8], &str, Class, Width, bool); 24] = [
         (&[0x0f, 0x58, 0xc1], "addps xmm0, xmm1", Class::Arithmetic, Width::Packed, false),
         (&[0xf3, 0x0f, 0x58, 0xc1], "addss xmm0, xmm1", Class::Arithmetic, Width::Scalar, false),
@@ -226,7 +226,8 @@ mod table {
     #[test]
     fn listing_has_every_instruction_with_its_executions() {
         let report = count(Some("dot"), true);
-        // In Rust that is not optimised, it is that of a function that calls others.
+        // Unoptimised Rust code consists of calls of other functions, whose instructions the
+        // listing lacks.
         let is_whole = |name: &str| !cfg!(debug_assertions) || !["rust", "glam"].contains(&name);
         for row in report.rows.iter().filter(|row| row.executed.is_some() && is_whole(&row.implementation)) {
             assert_eq!(row.listing.len(), row.function.unwrap(), "{}", row.implementation);
@@ -245,7 +246,7 @@ mod table {
         assert!(one.len() >= 2);
         for (one, two) in one.iter().zip(&two) {
             assert_eq!(one.engine, two.engine);
-            // What an allocator does depends on what was asked of it before.
+            // What the allocator does depends on earlier allocations.
             if ["reference", "rust", "c", "paper"].contains(&&*one.engine) {
                 assert_eq!(one.instructions, two.instructions, "{}", one.engine);
             }
@@ -262,8 +263,8 @@ mod table {
             let costs = [row.call_latency, row.call_throughput, row.throughput];
             let runs =
                 !row.implementation.starts_with("printed") && row.function.is_some() && row.unavailable.is_none();
-            // Where others have the core, what is measured may be nothing that can be, and then it
-            // is said so.
+            // If other processes occupy the core, a measurement may be implausible, which is then
+            // reported as none.
             let known =
                 |cost: &Option<f64>| if runs { cost.is_some_and(|cycles| cycles >= 0.5) } else { cost.is_none() };
             assert!(costs.iter().all(known) || row.no_cycles.is_some(), "{}", row.implementation);
@@ -284,12 +285,12 @@ mod by_value {
     };
     use rayo::internals::scene::Rng;
 
-    /// The same functions by address, compiled for the engine.
+    /// The same functions with arguments by address, compiled for the engine.
     fn same(level: &str, rng: &mut Rng) {
         let Some(f) = by_value(level) else { return };
         let vector = |rng: &mut Rng| Vec4::new(rng.between(-2.0, 2.0), rng.between(-2.0, 2.0), rng.between(0.5, 4.0));
         let (a, b, c, d) = (vector(rng), vector(rng), vector(rng), vector(rng));
-        // A level that may fuse multiplications and additions rounds differently.
+        // Levels that may fuse multiplications and additions round differently.
         let close = |x: f32, y: f32| x == y || (x - y).abs() <= 1e-4 * (x.abs() + y.abs() + 1.0);
         let close4 = |x: Vec4, y: Vec4| x.lanes().iter().zip(y.lanes()).all(|(x, y)| close(*x, y));
         let sphere = PaperSphere { centre: b, colour: c, radius: 0.5, padding: [0.0; 3] };
@@ -353,12 +354,12 @@ mod command {
         rayo([&["ops"], args].concat(), Path::new("."))
     }
 
-    /// What it prints.
+    /// The printed text.
     fn text(args: &[&str]) -> String {
         run(args).printed().to_owned()
     }
 
-    /// The cells below a head of the first table.
+    /// The cells in the column of the first table with this heading.
     fn column<'a>(text: &'a str, head: &str) -> Vec<&'a str> {
         let cells = |line: &'a str| line.split('|').map(str::trim).collect::<Vec<_>>();
         let mut rows = text.lines().take_while(|line| line.starts_with('|')).map(cells);
@@ -367,7 +368,7 @@ mod command {
         rows.skip(1).map(|cells| cells[at]).collect()
     }
 
-    /// A run that another program starts, which has these options.
+    /// A run that another program starts, with these options.
     fn under(program: &str, options: &[&str], args: &[&str]) -> Run {
         let ops = [env!("CARGO_BIN_EXE_rayo"), "ops", "--op", "add", "--engine", "paper", "--executed"];
         Run::of(Command::new(program).args([options, &ops, args].concat()).output().unwrap())
@@ -519,7 +520,7 @@ mod command {
             let mut script = Command::new("script");
             script.args(["-qec", &format!("{ops}{arguments}"), "/dev/null"]).stdin(std::process::Stdio::null());
             let shown = Run::of(script.output().unwrap()).stdout;
-            // What a progress bar has drawn over itself is not there.
+            // Text that a progress bar has overwritten is not visible.
             let lines: Vec<_> =
                 shown.lines().filter_map(|line| line.trim_end_matches('\r').rsplit('\r').next()).collect();
             assert!(lines.iter().any(|line| line.contains("aos")), "{shown}");
@@ -538,15 +539,15 @@ mod command {
         assert!(run.printed().contains("traces this one"), "{}", run.stdout);
     }
 
-    /// The part of a document between a line that begins with `start` and the end of the part, that
-    /// line included.
+    /// The part of a document from a line that begins with `start` to the end of the part,
+    /// including that line.
     fn part<'a>(document: &'a str, start: &str) -> &'a str {
         let from = document.find(start).unwrap_or_else(|| panic!("there is no `{start}`"));
         let length = document[from..].find("<!-- end -->").expect("the part has an end");
         &document[from..from + length]
     }
 
-    /// What the document in docs is of, printed once.
+    /// The output that the document in docs shows, printed once.
     fn as_in_docs() -> &'static str {
         static PRINTED: OnceLock<String> = OnceLock::new();
         PRINTED.get_or_init(|| text(&["--executed", "--markdown"]))
@@ -576,7 +577,7 @@ mod command {
     #[test]
     fn the_document_in_docs_is_what_the_command_prints() {
         if cfg!(debug_assertions) {
-            // Its jumps are the longest (see build.rs).
+            // Its jumps have the long encoding (see build.rs).
             return extent::not_run("an optimised build", "the document of instruction counts is current");
         }
         let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("docs/results/instruction-counts.md");
@@ -585,8 +586,8 @@ mod command {
         assert!(made.contains(&rayo_lab::measure::cpu_name()));
         let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
         assert_eq!(part(&kept, "<!-- assembled"), part(made, "<!-- assembled"), "the assembled part {stale}");
-        // Other compilers make other code. c-native differs by CPU, and Rust's code by profile and
-        // test.
+        // Other compilers generate other code. c-native depends on the CPU, and Rust's code on the
+        // profile and the test.
         let (kept, made) = (part(&kept, "<!-- compiled"), part(made, "<!-- compiled"));
         if kept.lines().next() == made.lines().next() {
             let fixed = |part: &str| {
@@ -597,8 +598,8 @@ mod command {
         }
     }
 
-    /// The tables under a heading, up to the next: of each its rows, of each of these its cells by
-    /// their columns' names.
+    /// The tables under a heading, up to the next heading: for each its rows, and for each row its
+    /// cells with the columns' names.
     fn tables<'a>(document: &'a str, heading: &str) -> Vec<Vec<Vec<(&'a str, &'a str)>>> {
         let section = document.split(heading).nth(1).unwrap_or_else(|| panic!("there is no `{heading}`"));
         let section = section.split("\n## ").next().unwrap();
@@ -620,7 +621,7 @@ mod command {
         let ([kept_ops, kept_frames], [made_ops, made_frames]) = (&kept_tables[..], &made_tables[..]) else {
             panic!("two tables, of operations and of pictures: {made_tables:?}");
         };
-        // What this CPU runs, and no compiler makes.
+        // Code that this CPU runs and that no compiler generated.
         let fixed = |name: &str| ["paper", "aos", "sse41", "avx2", "avx512"].contains(&name);
         let mut compared = 0;
         assert_eq!(kept_ops.len(), made_ops.len(), "the executed part {stale}");
@@ -634,8 +635,8 @@ mod command {
             }
         }
         assert!(compared >= 20 * 3, "{compared}");
-        // Beside the kernels there is Rust in these, and what an allocator does; that is next to
-        // nothing in a pixel, if it is optimised.
+        // Besides kernels these pictures execute Rust code and the allocator, which is negligible
+        // per pixel if it is optimised.
         if cfg!(debug_assertions) {
             return;
         }

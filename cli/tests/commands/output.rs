@@ -1,4 +1,4 @@
-//! Where pictures go: names, links, standard output, and what cannot be written.
+//! The destinations of pictures: names, links, standard output, and files that cannot be written.
 
 use crate::place::{Place, SCENE, is_png, run_into};
 use std::fs;
@@ -8,14 +8,14 @@ use std::path::Path;
 #[test]
 fn a_picture_goes_where_its_name_leads() {
     let place = Place::new();
-    // Two names of one file.
+    // Two names of the same file.
     std::os::unix::fs::symlink("picture.png", place.path("link.png")).unwrap();
     place.write("link.in", &SCENE.replace("picture.png", "link.png"));
     let run = place.run("render scene.in link.in --force --quiet");
     let told =
         "error: link.in: its picture is link.png, as is that of a scene before it: render it in a call of its own\n";
     assert_eq!((run.status, run.stderr.as_str()), (2, told));
-    // A file by way of the system's own names for its directory is whole or not at all, too.
+    // A file in a directory under its /proc or /dev name is written atomically, too.
     #[cfg(target_os = "linux")]
     {
         place.write("old.ppm", "old");
@@ -23,7 +23,7 @@ fn a_picture_goes_where_its_name_leads() {
             place.shell("trap '' XFSZ; ulimit -f 1; rayo render scene.in --size 100x100 -o /proc/self/cwd/old.ppm");
         assert_eq!(run.status.code(), Some(1), "{run:?}");
         assert_eq!(fs::read_to_string(place.path("old.ppm")).unwrap(), "old");
-        // Nor does a folder that is called as the system's is make a file another one.
+        // A folder whose name resembles the system's changes nothing.
         fs::create_dir(place.path("fd")).unwrap();
         place.write("fd/old.ppm", "old");
         let path = place.path("fd/old.ppm");
@@ -31,7 +31,7 @@ fn a_picture_goes_where_its_name_leads() {
             .shell(&format!("trap '' XFSZ; ulimit -f 1; rayo render scene.in --size 100x100 -o {}", path.display()));
         assert_eq!(run.status.code(), Some(1), "{run:?}");
         assert_eq!(fs::read_to_string(path).unwrap(), "old");
-        // A program that runs is busy.
+        // The file of a running program cannot be written.
         let busy =
             place.shell(&format!("cp {} own; ./own render scene.in -o /proc/self/exe", env!("CARGO_BIN_EXE_rayo")));
         assert!(busy.status.code() == Some(1) && busy.stderr.ends_with(b"(os error 26)\n"), "{busy:?}");
@@ -46,7 +46,7 @@ fn a_picture_goes_where_its_name_leads() {
     assert!(place.shell(same).stderr.starts_with(b"\x89PNG"));
     let told = "error: the plan is printed to standard output, where --figure would draw: name a file";
     place.refuses("plan scene.in --measure --figure -", 2, told);
-    // Whoever measures for long knows before that results can be written.
+    // Commands that measure for long report first that results cannot be written.
     #[cfg(target_os = "linux")]
     for command in [
         "stability --family S7 --engine rust --quick",
@@ -58,7 +58,7 @@ fn a_picture_goes_where_its_name_leads() {
         assert!(run.stderr.starts_with("error: cannot create a file in the directory /proc: "), "{}", run.stderr);
         assert!(run.status == 1 && run.stderr.ends_with("; name another one with --out\n"), "{}", run.stderr);
     }
-    // What is written out of order to a stream is in a temporary file first.
+    // Content that is written out of order goes to a temporary file before the stream.
     let run = place.shell("TMPDIR=/nowhere rayo render scene.in -o exr:-");
     let told = "error: cannot write /dev/stdout: there is no directory /nowhere; create it first\n";
     assert_eq!(String::from_utf8_lossy(&run.stderr), told);
@@ -76,7 +76,7 @@ fn a_replaced_file_keeps_its_mode_and_a_link_stays() {
         place.write("a.png", "old");
         fs::set_permissions(place.path("a.png"), fs::Permissions::from_mode(mode)).unwrap();
         fs::hard_link(place.path("a.png"), place.path("other.png")).unwrap();
-        // One link to another, both relative to where they are.
+        // A link to another link; both are relative to their own folders.
         symlink("../a.png", place.path("in/one.png")).unwrap();
         symlink("in/one.png", place.path("link.png")).unwrap();
         assert_eq!(place.run("render scene.in -o link.png").status, 0);
@@ -147,7 +147,7 @@ fn a_result_that_cannot_be_printed_is_told() {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let message = "error: cannot write to standard output: No space left on device (os error 28)\n";
         assert_eq!(run_into(full, &place, arguments), (Some(1), message.into()), "{arguments}");
-        // The reader has gone before the first word.
+        // The reader closes the pipe before anything is written.
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
         assert_eq!(run_into(writer, &place, arguments), (Some(0), String::new()), "{arguments}");
@@ -172,7 +172,7 @@ fn a_standard_output_that_takes_nothing_is_told() {
     assert!(is_png(&place.path("a.png")));
 }
 
-/// Runs the program with something on its standard input.
+/// Runs the program with this standard input.
 fn run_with(place: &Place, arguments: &str, input: &[u8]) -> (Option<i32>, Vec<u8>, String) {
     let output = place.command().args(arguments.split(' ')).write_stdin(input).output().unwrap();
     (output.status.code(), output.stdout, String::from_utf8(output.stderr).unwrap())
@@ -198,7 +198,7 @@ fn standard_output_takes_any_format_and_nothing_else() {
         place.refuses(&format!("render scene.in -o {report}"), 2, message);
     }
     assert_eq!(place.run("render scene.in -o gif:-").status, 2);
-    // What is only called so is a file.
+    // A file may be named like standard output.
     assert_eq!(place.run("render scene.in --quiet -o ./-").status, 0);
     let message = "error: the verdict goes to standard output: name a file for the picture of the differences";
     place.refuses("diff ./- ./- -o /dev/stdout", 2, message);
@@ -210,7 +210,7 @@ fn standard_output_takes_any_format_and_nothing_else() {
 fn no_picture_is_written_to_a_terminal() {
     let place = Place::new();
     let rayo = assert_cmd::cargo::cargo_bin!("rayo").display().to_string();
-    // `script` gives the program a terminal, and prints what it says there.
+    // `script` runs the program in a terminal and prints its output.
     for (name, refused) in [("-", true), ("/dev/stdout", true), ("pgm:-", false)] {
         let mut command = std::process::Command::new("script");
         command.args(["-qec", &format!("'{rayo}' render scene.in --size 2x1 -o {name}"), "/dev/null"]);

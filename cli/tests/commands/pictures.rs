@@ -1,5 +1,4 @@
-//! Pictures as files: their names, what the system refuses, and parts of pictures that are
-//! compared.
+//! Picture files: their names, errors of the system, and comparing parts of pictures.
 
 use std::fs;
 use std::path::Path;
@@ -10,14 +9,14 @@ use tempfile::TempDir;
 /// A sphere and a triangle behind it in 40 x 30 pixels.
 const SCENE: &str = "picture.png 40 30 1  1 1 1 1 1 5 5 0  1 1 1 0.5 0 0 0 5  1 0 0 1 -9 -9 9 9 -9 9 0 9 9\n";
 
-/// A directory with the scene.
+/// A new directory with the scene.
 fn place() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::write(directory.path().join("in.in"), SCENE).unwrap();
     directory
 }
 
-/// The names in a directory, hidden ones too, sorted.
+/// The names in a directory, including hidden ones, sorted.
 fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -29,7 +28,7 @@ fn names(directory: &Path) -> Vec<String> {
 fn a_folder_that_is_missing_is_told_before_the_first_ray() {
     let place = place();
     fs::write(place.path().join("file"), "").unwrap();
-    // Hours, if it were rendered.
+    // Rendering this would take hours.
     let long = ["--engine", "reference", "--size", "40000x40000"];
     for (name, status, words) in [
         ("nowhere/a.png", 1, "cannot write nowhere/a.png: there is no directory nowhere; create it first"),
@@ -76,7 +75,7 @@ fn rows_in_an_exr_are_compared_at_their_place() {
         let same = rayo(["diff", "p.exr", "p.exr"], place.path());
         assert_eq!(same.printed(), format!("identical: {size} pixels\n"), "rows {rows}");
     }
-    // What is outside of the rows is black.
+    // Outside of the rows, the picture is black.
     rayo(["render", "in.in", "--quiet", "-o", "whole.exr"], place.path()).printed();
     rayo(["render", "in.in", "--quiet", "--rows", "15..16", "-o", "part.exr"], place.path()).printed();
     let run = rayo(["diff", "part.exr", "whole.exr"], place.path());
@@ -111,7 +110,7 @@ mod refusals {
     use crate::refused::{LINKS, NAMELESS, Refusal, SYNC, refuse};
     use std::process::Command;
 
-    /// Renders the scene to a file of this name.
+    /// Renders the scene to a file of this name while the system refuses calls.
     fn render(place: &TempDir, name: &str, refusal: Option<Refusal>) -> Run {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rayo"));
         command.args(["render", "in.in", "--quiet", "-o", name]).current_dir(place.path());
@@ -127,7 +126,7 @@ mod refusals {
         render(&place, "plain.png", None).printed();
         let plain = fs::read(place.path().join("plain.png")).unwrap();
         for refusal in [NAMELESS, LINKS] {
-            // A new file, and one that is replaced.
+            // Once for a new file, and once for a file that is replaced.
             for _ in 0..2 {
                 render(&place, "a.png", Some(refusal)).printed();
                 assert_eq!(fs::read(place.path().join("a.png")).unwrap(), plain);

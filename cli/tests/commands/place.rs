@@ -1,4 +1,4 @@
-//! A folder in which commands are run, with a scene in it, and what is asked of it.
+//! A folder with a scene in which commands are run, and assertions about the results.
 
 use crate::program::Run;
 use rayo::Picture;
@@ -7,17 +7,17 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A sphere and a triangle that each engine sees, in 16 x 12 pixels.
+/// A sphere and a triangle in 16 x 12 pixels, which every engine sees.
 pub const SCENE: &str = "picture.png 16 12 1  1 1 1 1 1 5 5 0  1 1 1 0.5 0 0 0 5  1 0 0 1 -9 -9 9 9 -9 9 0 9 9\n";
 
-/// A directory to work in, and what it takes to run the program there.
+/// A working directory, and the environment variables to run the program with.
 pub struct Place {
     pub directory: TempDir,
     pub variables: Vec<(&'static str, &'static str)>,
 }
 
 impl Place {
-    /// With a scene in the file scene.in.
+    /// A new directory with a scene in the file scene.in.
     pub fn new() -> Self {
         let place = Place { directory: tempfile::tempdir().unwrap(), variables: Vec::new() };
         place.write("scene.in", SCENE);
@@ -54,7 +54,7 @@ impl Place {
         command.arg(assert_cmd::cargo::cargo_bin!("rayo")).current_dir(&self.directory).output().unwrap()
     }
 
-    /// Runs it, and checks that it refuses with `status` and says `message` and nothing else.
+    /// Runs the program and asserts that it fails with `status` and exactly this message.
     #[track_caller]
     pub fn refuses(&self, arguments: &str, status: i32, message: &str) {
         let run = self.run(arguments);
@@ -84,18 +84,18 @@ pub fn size(picture: &Picture) -> (u32, u32) {
     (picture.width, picture.height)
 }
 
-/// The engines that run here, as errors list them.
+/// The engines that this machine can run, as errors list them.
 pub fn engines(are_listed: fn(&&Engine) -> bool) -> String {
     let names = Engine::ALL.iter().filter(are_listed).map(|engine| engine.name());
     names.chain(["auto"]).collect::<Vec<_>>().join(", ")
 }
 
-/// How clap refuses a value.
+/// clap's message for an invalid value.
 pub fn invalid(value: &str, option: &str, expected: &str) -> String {
     format!("error: invalid value '{value}' for '{option}': {expected}\n\nFor more information, try '--help'.")
 }
 
-/// Runs the program with standard output going to `stdout`: its status and what it says.
+/// Runs the program with this standard output; returns its status and its messages.
 pub fn run_into(stdout: impl Into<std::process::Stdio>, place: &Place, arguments: &str) -> (Option<i32>, String) {
     let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("rayo"));
     command.args(arguments.split(' ')).current_dir(&place.directory).stdout(stdout);

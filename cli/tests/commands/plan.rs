@@ -1,4 +1,4 @@
-//! `rayo plan`: what is kept and left out, in words and as a document.
+//! `rayo plan`: what is kept and omitted, in words and as a JSON document.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ all.png 160 120 1
 1 1 1    -50 -30 20  -60 -30 20  -50 -40 20   # below the picture
 ";
 
-/// Runs the program where the file all.in is [`EVERYTHING`].
+/// Runs the program in a directory where the file all.in contains [`EVERYTHING`].
 fn rayo(directory: &Path, arguments: &str) -> Run {
     std::fs::write(directory.join("all.in"), EVERYTHING).unwrap();
     program::rayo(arguments.split(' '), directory)

@@ -1,5 +1,4 @@
-//! `rayo render --preview`: a picture in letters or half blocks, of the view that a file would
-//! have.
+//! `rayo render --preview`: a picture in characters or half blocks, of the same view as a file.
 
 use std::path::Path;
 
@@ -12,7 +11,7 @@ fn scene(name: &str) -> String {
     format!("{ROOT}/scenes/{name}")
 }
 
-/// What `rayo render ... --preview` prints, and that it succeeds.
+/// The output of `rayo render ... --preview`, which must succeed.
 fn shown(args: &[&str], directory: &Path) -> String {
     rayo([&["render", "--preview"], args].concat(), directory).printed().to_owned()
 }
@@ -28,7 +27,7 @@ fn without_a_terminal_a_picture_is_letters_and_no_file() {
     let lines: Vec<_> = sphere.lines().collect();
     assert!(lines.len() == 24 && lines.iter().all(|line| line.len() <= 64), "{sphere}");
     assert!(sphere.chars().all(|c| " .:-=+*#%@\n".contains(c)), "{sphere}");
-    // The sphere is in the middle, and lit from the upper right.
+    // The sphere is in the middle, lit from the upper right.
     assert!(lines[0].is_empty() && lines[23].is_empty() && lines[12].len() > 32, "{sphere}");
     let brightest = lines.iter().position(|line| line.contains('@')).expect("it has a bright spot");
     assert!(brightest < 12 && lines[brightest].rfind('@').unwrap() > 32, "{sphere}");
@@ -58,12 +57,12 @@ fn every_option_of_the_picture_holds_for_the_preview() {
     ] {
         assert_ne!(of(change), plain, "{change:?}");
     }
-    // A picture that fits is no larger than it is, and rows are those of the whole.
+    // A picture smaller than the terminal is not enlarged; rows are those of the whole picture.
     let whole = of(&["--size", "40x30", "--samples", "2"]);
     assert_eq!(whole.lines().count(), 15);
     let part = of(&["--size", "40x30", "--samples", "2", "--rows", "10..20"]);
     assert_eq!(part.lines().collect::<Vec<_>>(), whole.lines().skip(5).take(5).collect::<Vec<_>>());
-    // However large it is, and a row of it.
+    // A huge picture, and a single row of it.
     let huge = of(&["--size", "40000x30000"]);
     assert_eq!((huge.as_str(), of(&["--size", "40000x30000", "--rows", "9..10"]).lines().count()), (plain.as_str(), 1));
 }
@@ -80,7 +79,7 @@ fn preview_also_writes_a_named_file() {
     assert!(with_file.contains('@') && with_file.contains("\nengine "), "{with_file}");
     rayo([&["render", &scene("sphere.in"), "-o", "b.png"], &size[..]].concat(), at).printed();
     assert!(std::fs::read(at.join("a.png")).unwrap() == std::fs::read(at.join("b.png")).unwrap());
-    // What is said of a preview names no file as if that had been written.
+    // The messages of a preview do not name a file as if one had been written.
     let said = rayo(["render", "--preview", &scene("sphere.in"), "--size", "80x60"], at).stderr;
     assert!(said.starts_with("preview of ") && said.contains("sphere.in: ") && !said.contains(".png"), "{said}");
 }
@@ -89,7 +88,7 @@ fn preview_also_writes_a_named_file() {
 #[test]
 fn terminal_gets_half_blocks_or_letters_in_its_width() {
     let rayo = assert_cmd::cargo::cargo_bin!("rayo").display().to_string();
-    // `script` gives the program a terminal, and prints what it says there.
+    // `script` runs the program in a terminal and prints its output.
     let on_terminal = |variables: [(&str, &str); 2]| {
         let mut command = std::process::Command::new("script");
         let render = format!("stty cols 50 rows 40; '{rayo}' render scenes/tetrahedron.in --preview --quiet");

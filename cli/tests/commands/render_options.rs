@@ -1,4 +1,4 @@
-//! The options of `rayo render` and `rayo info`, and what they print.
+//! The options of `rayo render` and `rayo info`, and their output.
 
 use crate::place::{Place, SCENE, size};
 use rayo::Pixels;
@@ -63,7 +63,7 @@ fn one_side_of_the_size_keeps_the_shape() {
         ("7x", "7x5"),
         ("x1", "1x1"),
         ("1x", "1x1"),
-        // And both sides as they are, up to the longest.
+        // Both sides given: they are taken as they are, up to the largest.
         ("65535x1", "65535x1"),
         ("1x65535", "1x65535"),
     ] {
@@ -118,7 +118,8 @@ fn a_camera_goes_round_a_scene_from_one_reading_of_it() {
     let picture = |name: &str| fs::read(place.path(name)).unwrap();
     let all = [0, 1, 2, 3].map(|number| picture(&format!("frames/{number:02}.ppm")));
     assert!(all[0] == picture("plain.ppm") && (1..4).all(|i| all[i] != all[i - 1]));
-    // The other steps of a finer turn are between those; samples and rows are of each picture.
+    // A finer turn has the same pictures and others between them; samples and rows apply to each
+    // picture.
     place.run("render scene.in --orbit 8 -o frames/%d.ppm --quiet");
     assert!((0..4).all(|i| all[i] == picture(&format!("frames/{}.ppm", 2 * i))));
     place.run("render scene.in --orbit 2 -o s%d.ppm --samples 2 --edges --rows 3..9 --background 1,0,0");
@@ -178,7 +179,7 @@ fn several_scenes_are_rendered_in_one_call() {
         assert_eq!(fs::read(place.path(name)).unwrap(), fs::read(place.path("out").join(name)).unwrap());
     }
 
-    // What cannot be rendered is told, and keeps no other scene from it.
+    // A scene that cannot be rendered is reported, and the others are still rendered.
     place.write("bad.in", "bad.png 8 0 1 0 0 0");
     fs::remove_file(place.path("out/other.pfm")).unwrap();
     let run = place.run("render bad.in scene.in same.in nothing.in other.in -o out --quiet");
@@ -204,7 +205,7 @@ fn some_rows_are_those_of_the_whole_picture() {
             _ => panic!("{name}"),
         }
     }
-    // An EXR is in its place, and black elsewhere.
+    // The rows of an EXR are at their place in the picture, and the rest is black.
     place.run("render scene.in --quiet -o a.exr");
     place.run("render scene.in --rows 3..8 --quiet -o rows.exr");
     let (Pixels::Rgb32F(mut whole), part) = (place.picture("a.exr").pixels, place.picture("rows.exr")) else {
@@ -224,7 +225,7 @@ fn some_rows_are_those_of_the_whole_picture() {
 #[test]
 fn a_long_picture_shows_no_progress_where_nobody_watches() {
     let place = Place::new();
-    // Some two seconds' work for the slowest engine: a bar would have come after one.
+    // About two seconds of work for the slowest engine: progress would be shown after one.
     place.write("many.in", &rayo::internals::scene::many(60, 60, 1).to_text());
     let run = place.run("render many.in --engine reference --threads 1");
     assert!(run.summary().starts_with("many.png: 640x480 by reference, traced in "), "{}", run.summary());
@@ -246,7 +247,7 @@ fn stats_tell_where_the_time_went() {
 #[test]
 fn stats_in_json_have_these_fields_and_count_the_rays_that_hit() {
     let place = Place::new();
-    // Over everything, over nothing.
+    // A triangle that covers the picture, and one that is not visible.
     for (triangle, hits) in [("-99 -99 9  99 -99 9  0 99 9", 192), ("-99 -99 -9  99 -99 -9  0 99 -9", 0)] {
         place.write("flat.in", &format!("x.png 16 12 1  1 1 1 1 1 0 5 0  0  1  1 1 1 {triangle}"));
         assert_eq!(place.run("render flat.in --json --force").document()["hits"], hits, "{triangle}");
@@ -283,7 +284,7 @@ fn info_tells_what_this_build_and_cpu_have() {
     for name in ["cpu", "tsc_hz", "isa", "engines", "nasm", "cc", "rustc", "kernel", "hypervisor", "core_hz", "date"] {
         assert!(json.get(name).is_some(), "{name}");
     }
-    // Of a repository, what was checked out; nothing of a package.
+    // In a repository the commit that is checked out; in a package none.
     let commit = json["commit"].as_str().unwrap_or_default();
     let digits = if Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join(".git/description").is_file()
         || Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join(".git").is_file()

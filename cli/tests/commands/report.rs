@@ -1,5 +1,5 @@
-//! `rayo report`: the page of results that commands wrote, of one machine and of two; what cannot
-//! be read; and the page in a browser.
+//! `rayo report`: the page made from results of one machine and of two, results that cannot be
+//! read, and the page in a browser.
 
 use std::fs;
 use std::path::Path;
@@ -17,11 +17,11 @@ use scraper::{ElementRef, Html, Selector};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// The largest size of the page, and of the pictures on it.
+/// The largest size of the page in bytes, and of the pictures on it.
 const MOST_BYTES: usize = 1_500_000;
 const MOST_OF_PICTURES: usize = 350_000;
 
-/// Results of real runs, few and small: in directories of one directory, as commands write them.
+/// The results of small real runs, in directories as the commands write them.
 fn results() -> &'static Path {
     static RESULTS: OnceLock<TempDir> = OnceLock::new();
     RESULTS
@@ -50,7 +50,7 @@ fn report(arguments: &[&str], directory: &Path) -> Run {
     rayo([&["report"], arguments].concat(), directory)
 }
 
-/// The page of these directories.
+/// The page made from these directories.
 fn page_of(from: &[&Path]) -> (TempDir, String) {
     let directory = TempDir::new().unwrap();
     let mut arguments = vec!["--out", "page"];
@@ -72,12 +72,12 @@ fn text(of: &ElementRef<'_>) -> String {
     of.text().collect::<Vec<_>>().join(" ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What holds of every page.
+/// Checks what must hold for every page.
 fn check(page: &str) -> Html {
     assert!(page.len() < MOST_BYTES, "{} bytes", page.len());
     let html = Html::parse_document(page);
     assert!(html.errors.is_empty(), "{:?}", html.errors);
-    // Nothing is loaded from anywhere: what is not here is data in the page itself.
+    // Nothing is loaded: all data is in the page itself.
     for (selector, attribute) in [("[src]", "src"), ("[href]", "href")] {
         for element in all(&html, selector) {
             let to = element.attr(attribute).unwrap();
@@ -93,8 +93,8 @@ fn check(page: &str) -> Html {
     ids.dedup();
     assert_eq!(ids.len(), count, "an id is there twice");
     assert_eq!(page.find(|c: char| c.is_control() && c != '\n'), None, "controls and formats are escaped");
-    // For those who do not see: figures and pictures have words, tables heads, and the page a
-    // language.
+    // For screen readers, figures and pictures have descriptions, tables have headings, and the
+    // page has a language.
     for figure in all(&html, "figure") {
         let plots = figure.select(&Selector::parse("[role=img][aria-label] > svg[viewBox]").unwrap()).count();
         let is_small = figure.attr("class") == Some("small");
@@ -113,8 +113,8 @@ fn check(page: &str) -> Html {
     html
 }
 
-/// Sections, what stands in them, and the heads of tables; no figure of which differs from machine
-/// to machine.
+/// The sections, their parts, and the headings of tables: everything but figures, which differ
+/// between machines.
 fn structure(html: &Html) -> String {
     let mut lines = Vec::new();
     for section in all(html, "section") {
@@ -123,7 +123,7 @@ fn structure(html: &Html) -> String {
         let parts =
             Selector::parse("figcaption, summary, article h3, dt, p.absent, .scroll > table:not(.map) thead").unwrap();
         for part in section.select(&parts) {
-            // What depends on the CPU, and on whether this is a repository.
+            // Skip what depends on the CPU, and on whether this is a repository.
             let text = text(&part);
             if !text.starts_with("This CPU") && text != "commit" {
                 lines.push(format!("    {}: {}", part.value().name(), text.split(" avx512").next().unwrap()));
@@ -138,20 +138,20 @@ fn the_page_has_what_was_measured_and_says_what_was_not() {
     let (_directory, page) = page_of(&[results()]);
     let html = check(&page);
     insta::assert_snapshot!("report_structure", structure(&html));
-    // The same rows as the commands' own tables.
+    // The same rows as in the commands' own tables.
     let table = fs::read_to_string(results().join("experiment/table.md")).unwrap();
     let row = table.lines().find(|line| line.starts_with("| 365×273 ")).unwrap();
     let cells: Vec<_> = row.trim_matches('|').split('|').map(str::trim).collect();
     let rows = all(&html, "#experiment tbody tr");
     let shown = rows.iter().map(|row| row.child_elements().map(|cell| text(&cell)).collect::<Vec<_>>());
     assert!(shown.into_iter().any(|shown| shown == cells), "{cells:?}");
-    // Each cell of a family's map names a command.
+    // Each cell of a family's map names the command that repeats it.
     let cells = all(&html, "#family-S1 td");
     assert!(!cells.is_empty());
     for cell in cells {
         assert!(cell.attr("data-case").unwrap().parse::<usize>().is_ok());
     }
-    // A column of the maps tells its cells their engine.
+    // The style sheet gives the cells of a column the name of their engine.
     let style = text(&all(&html, "head style")[0]);
     let engines: Vec<&str> = style.split("--engine: '").skip(1).map(|rest| rest.split('\'').next().unwrap()).collect();
     assert_eq!(engines.len(), all(&html, "#family-S1 thead th").len() - 1);
@@ -170,8 +170,7 @@ fn the_first_line_answers_the_papers_question() {
     assert!(is_whole && answer.contains(" % of it, by logarithm, is "), "{answer}");
 }
 
-/// The texts of a page that are translated: not styles, listings, figures and the names of
-/// compilers.
+/// The texts of a page that are translated: not styles, listings, figures and names of compilers.
 fn texts(html: &Html) -> Vec<String> {
     let has_none = |name: &str| ["style", "pre", "code", "svg", "dd", "cite", "title"].contains(&name);
     let mut texts = Vec::new();
@@ -239,7 +238,7 @@ fn machines_stand_side_by_side() {
     assert_eq!(heads.len(), 3, "{heads:?}");
     assert_eq!(heads[2], "2: Another CPU\\u{7}");
     assert_eq!(all(&html, "#factor tbody tr").len(), 9, "claims");
-    // What was cut short is shown as that.
+    // Incomplete results are shown as such.
     let notes: Vec<_> = all(&html, "p.note").iter().map(text).collect();
     assert!(notes.iter().any(|note| note == "Another CPU\\u{7}: ended before the end: experiment."), "{notes:?}");
 }
@@ -279,7 +278,7 @@ fn what_cannot_be_read_is_refused_and_nothing_is_written() {
     report(&["--quick", "--from", "x"], directory.path()).refuses("--from");
 }
 
-/// Every place of a document, of each list the first and the last.
+/// The paths of all values in a document; of each list only the first and the last item.
 fn places(of: &Value, path: &str, found: &mut Vec<String>) {
     let mut into = |key: String, value: &Value| {
         let path = format!("{path}/{key}");
@@ -326,8 +325,8 @@ fn documents_with_missing_or_absurd_fields_do_no_harm() {
     assert!(runs > if extent::all() { 300 } else { 40 }, "{runs}");
 }
 
-/// Ended in its first stage, it still makes the page, which says so; and reads its own results
-/// again.
+/// Stopped in its first stage, the command still makes the page, which says so, and can read its
+/// own results again.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interrupt_leaves_a_page_of_what_is_done() {
@@ -343,7 +342,7 @@ fn an_interrupt_leaves_a_page_of_what_is_done() {
     assert!(signal("INT", child.id()));
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130));
-    // A log has a line where a terminal has a bar.
+    // Without a terminal, stages are logged in lines instead of a bar.
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("\nstage 1 of 10: experiment\n"), "{said}");
     let page = fs::read_to_string(directory.path().join("page/report.html")).unwrap();
@@ -354,7 +353,7 @@ fn an_interrupt_leaves_a_page_of_what_is_done() {
     assert_eq!(all(&check(&again), "section").len(), all(&html, "section").len());
 }
 
-/// What no other command measures, without a look at times.
+/// Checks the stages that no other command has, without looking at times.
 #[test]
 fn kernels_threads_and_pictures_are_all_there() {
     let (machine, mut clock) = (Machine::this(), MachineClock::counter().unwrap());
@@ -388,15 +387,15 @@ fn kernels_threads_and_pictures_are_all_there() {
     for shown in &gallery {
         let reference = &shown.pictures[0];
         assert_eq!((&*reference.engine, reference.differing, &reference.like), ("reference", 0, &None));
-        // The reference's picture, the one farthest from it, and the difference of these two.
+        // The picture of the reference, the one that differs most, and the difference of the two.
         let pictures = shown.pictures.iter().filter(|shot| shot.png.is_some());
         let differences: Vec<_> = shown.pictures.iter().filter(|shot| shot.difference.is_some()).collect();
         assert_eq!((pictures.count(), differences.len()), (2, 1), "{}", shown.scene);
         let largest = shown.pictures.iter().map(|shot| shot.largest).fold(0.0, f64::max);
         assert_eq!(differences[0].largest, largest, "{}", shown.scene);
         for shot in &shown.pictures {
-            // Packets are right to a level in every scene; the paper's formulas are not, and that
-            // is to be seen.
+            // Packets are right within one level in every scene; the paper's formulas are not, and
+            // that must show.
             assert!(
                 shot.largest <= 1.0 || ["rust", "c", "paper"].contains(&&*shot.engine),
                 "{} by {}",
@@ -411,7 +410,7 @@ fn kernels_threads_and_pictures_are_all_there() {
     assert!(threads::run(true, &cores, &mut clock, &mut |_| false).unwrap().is_none());
 }
 
-/// A browser on PATH.
+/// A browser that is on PATH.
 fn browser() -> Option<&'static str> {
     let runs = |name: &&str| {
         let found = Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -420,12 +419,12 @@ fn browser() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome"].into_iter().find(runs)
 }
 
-/// Of a figure in a browser.
+/// The layout of a figure in a browser.
 type Figure = (f64, f64, f64, Vec<String>);
 
-/// What a script finds in the page where it is `width` pixels wide: for each figure its width and
-/// height, those of its smallest letters, and which words are cut or lie on others; how far the
-/// page itself is wider than the window; and its colour.
+/// What a script finds on the page in a window of `width` pixels: for each figure its width and
+/// height, the size of its smallest letters, and the words that are cut off or overlap; by how much
+/// the page is wider than the window; and the page's background colour.
 fn laid_out(browser: &str, page: &str, width: u32, dark: bool, directory: &Path) -> (Vec<Figure>, f64, String) {
     const SCRIPT: &str = "<script>
         onload = () => {
@@ -467,7 +466,7 @@ fn laid_out(browser: &str, page: &str, width: u32, dark: bool, directory: &Path)
         "--virtual-time-budget=10000",
         "--enable-logging=stderr",
     ]);
-    // Nothing that the page might ask for can be had.
+    // The browser cannot reach any host.
     command.arg("--host-resolver-rules=MAP * ~NOTFOUND").arg(format!("--user-data-dir={}", profile.display()));
     if dark {
         command.arg("--blink-settings=preferredColorScheme=0");
