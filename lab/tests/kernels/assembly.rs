@@ -325,7 +325,8 @@ fn constants_are_read_only_and_aligned() {
 #[test]
 fn kernels_of_the_list_are_the_symbols_of_the_objects() {
     let mut expected = BTreeSet::from(
-        ["rayo_checked_call", "rayo_checked_crashed", CALLS, "rayo_c_hits", "rayo_paper_hits"].map(str::to_owned),
+        ["rayo_checked_call", "rayo_checked_crashed", "rayo_checked_home", CALLS, "rayo_c_hits", "rayo_paper_hits"]
+            .map(str::to_owned),
     );
     expected.extend(BROKEN_DOTS.iter().map(|broken| broken.symbol().to_owned()));
     let rules = BROKEN.iter().map(|broken| format!("{:?}", broken.breaks).to_lowercase());
