@@ -49,8 +49,8 @@ pub struct Mesh {
     /// Three indices into `vertices` for each triangle; methods panic if one is out of range.
     pub triangles: Vec<[u32; 3]>,
     /// The triangles' colours in linear light (files hold them on the sRGB curve), run-length
-    /// encoded: each run is a colour and the number of the triangle that ends it. Triangles after
-    /// the last run are white.
+    /// encoded: each run has a colour and ends before the triangle whose number it gives. Triangles
+    /// after the last run are white.
     pub colours: Vec<ColourRun>,
     /// How many faces of the file had more than three corners and were triangulated. The
     /// triangles cover exactly the face if that is planar.

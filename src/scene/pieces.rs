@@ -7,8 +7,8 @@ use memchr::memchr;
 /// The size of a piece, which fits into a core's caches. Allocating memory for a whole file would
 /// take longer than reading it.
 const PIECE: usize = 128 << 10;
-/// The least number of bytes in memory, except near the end of the file: more than any single item
-/// that is read at once usually takes.
+/// The most bytes that a reader needs at once. At least as many are in memory, except near the end
+/// of the file.
 const LONGEST: usize = 16 << 10;
 
 /// The file could not be read.

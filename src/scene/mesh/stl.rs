@@ -68,9 +68,9 @@ fn first_word(line: &[u8]) -> &[u8] {
 }
 
 /// Merges the corners of facets into shared vertices, which STL lacks: a corner whose bits equal
-/// those of a recent corner becomes the same vertex. "Recent" means the last with its hash; since
-/// facets are nearly always written beside their neighbours, few equal corners are missed, and the
-/// table stays small.
+/// those of a recent corner becomes the same vertex. "Recent" means the last with its hash, so that
+/// the table is small. Facets are nearly always written beside their neighbours, so that few equal
+/// corners are missed; each of these only costs the memory of a vertex.
 struct Corners {
     vertices: Vertices,
     /// The last vertex of each hash value.
