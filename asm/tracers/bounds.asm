@@ -38,7 +38,7 @@
 
 ; PROJECT - replaces a coordinate x of three vertices by x / z to_pixels, and gives the least and the greatest of the
 ;           three.
-;   equals      kernels::portable::set_up::bounds_of
+;   equals      kernels::portable::set_up::project
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
 %define %%high %2       ; [out]      vreg
@@ -68,7 +68,7 @@
 
 ; EDGES_HERE - v3 = max(v3, the least of the edges v9, v10, v11 at a pixel), v5 = min(v5, the greatest of them).
 ;              Clobbers v7.
-;   equals      kernels::portable::set_up::bounds_of
+;   equals      kernels::portable::set_up::edges_here
 %macro EDGES_HERE 0
     VMIN    v7, v9, v10
     VMIN    v7, v7, v11
@@ -79,7 +79,7 @@
 %endmacro
 
 ; CROSS2 - d = ax*by - ay*bx. Clobbers v1.
-;   equals      kernels::portable::set_up::bounds_of
+;   equals      kernels::portable::set_up::cross2
 %macro CROSS2 5
 %define %%d %1          ; [out]      vreg, not one of the inputs
 %define %%ax %2         ; [in]       vreg

@@ -1,18 +1,18 @@
 //! The functions of asm/ops/alone.asm: single macros of the tracers as functions, which proofs read
 //! and call.
 
-use std::marker::PhantomData;
-
 use super::isa::Isa;
 use super::kernel::{Kernel, kernel, reads, writes};
 use super::records::{
-    CasterEdges, LightPosition, LitSphere, ObjectLight, ShortLight, SphereArrays, SphereCaster, SpherePlanes,
-    SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    CasterBounds, CasterEdges, LightPosition, LitSphere, ObjectLight, ShortLight, SphereArrays, SphereCaster,
+    SpherePlanes, SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
 };
 
-/// A macro as a function that takes a record and packets.
+/// Macros as a function that takes a record and packets.
 pub struct Alone {
     pub name: &'static str,
+    /// The macros that it consists of, which a proof of it proves.
+    pub macros: &'static [&'static str],
     pub isa: Isa,
     /// The bytes of an element: 4 or 8.
     pub element: usize,
@@ -56,14 +56,18 @@ impl Alone {
     }
 }
 
-/// Makes a list of functions for one instruction set and one element type.
+/// Makes a list of functions for one instruction set and one element type. A row has a function's
+/// name, its macros, the parts of its record, and how many packets it takes and writes.
 macro_rules! alone {
-    ($prefix:literal, $isa:ident, $element:ty; $($name:ident: $record:ty, $inputs:literal => $outputs:literal;)*) => {
+    ($prefix:literal, $isa:ident, $element:ty; $(
+        $name:ident($($of:ident),*): [$($record:ty),*], $inputs:literal => $outputs:literal;
+    )*) => {
         &[$(Alone {
             name: stringify!($name),
+            macros: &[$(stringify!($of)),*],
             isa: Isa::$isa,
             element: size_of::<$element>(),
-            record: size_of::<$record>(),
+            record: 0 $(+ size_of::<$record>())*,
             inputs: $inputs,
             outputs: $outputs,
             kernel: kernel!(concat!($prefix, "_alone_", stringify!($name))),
@@ -75,18 +79,18 @@ macro_rules! alone {
 macro_rules! in_both {
     ($prefix:literal, $isa:ident, $e:ty) => {
         alone! { $prefix, $isa, $e;
-            cross3_unfused: PhantomData<$e>, 6 => 3;
-            dot3_unfused: PhantomData<$e>, 6 => 1;
-            cosine: PhantomData<$e>, 2 => 1;
-            triangle_cosine: LightPosition<$e>, 5 => 1;
-            normal_over_t: TileSphere<$e>, 2 => 3;
-            sphere_cosine: ObjectLight<$e>, 4 => 1;
-            around_normal: TileSphere<$e>, 4 => 3;
-            around_cosine: LightPosition<$e>, 7 => 1;
-            short_cosine: ShortLight<$e>, 3 => 1;
-            triangle_at: TrianglePlanes<$e>, 2 => 2;
-            sphere_at: SpherePlanes<$e>, 2 => 2;
-            sphere_lit: LitSphere<$e>, 5 => 1;
+            cross3_unfused(CROSS3_UNFUSED): [], 6 => 3;
+            dot3_unfused(DOT3_UNFUSED): [], 6 => 1;
+            cosine(COSINE): [], 2 => 1;
+            triangle_cosine(TRIANGLE_COSINE): [LightPosition<$e>], 5 => 1;
+            normal_over_t(SPHERE_ROOT, NORMAL_OVER_T): [TileSphere<$e>], 2 => 3;
+            sphere_cosine(SPHERE_COSINE): [ObjectLight<$e>], 4 => 1;
+            around_normal(AROUND_NORMAL): [TileSphere<$e>], 4 => 3;
+            around_cosine(AROUND_COSINE): [LightPosition<$e>], 7 => 1;
+            short_cosine(SHORT_COSINE): [ShortLight<$e>], 3 => 1;
+            triangle_at(PLANE_ROW, PLANE_AT, TRIANGLE_AT): [TrianglePlanes<$e>], 2 => 2;
+            sphere_at(SPHERE_ROW, SPHERE_D_AT, SPHERE_INVERSE_AT): [SpherePlanes<$e>], 2 => 2;
+            sphere_lit(SPHERE_LIT): [LitSphere<$e>], 5 => 1;
         }
     };
 }
@@ -95,19 +99,18 @@ macro_rules! in_both {
 macro_rules! in_double {
     ($prefix:literal, $isa:ident) => {
         alone! { $prefix, $isa, f64;
-            silhouette: PhantomData<f64>, 3 => 2;
-            sphere_box: SphereView<f64>, 3 => 4;
-            reach: SphereView<f64>, 3 => 1;
-            pixels_between: SphereView<f64>, 2 => 2;
-            length_of: PhantomData<f64>, 3 => 1;
-            better_corner: PhantomData<f64>, 9 => 1;
-            triangle_volume: PhantomData<f64>, 9 => 5;
-            triangle_edge: TileView<f64>, 7 => 3;
-            least_and_most: PhantomData<f64>, 3 => 2;
-            outside_triangle: TriangleArrays, 4 => 1;
-            outside_sphere: SphereArrays, 3 => 1;
-            triangle_hides: TriangleCaster<f64>, 5 => 1;
-            sphere_hides: SphereCaster<f64>, 8 => 1;
+            sphere_box(SPHERE_BOX, SILHOUETTE): [SphereView<f64>], 3 => 4;
+            pixels_between(PIXELS_BETWEEN): [SphereView<f64>], 2 => 2;
+            length_of(LENGTH_OF): [], 3 => 1;
+            better_corner(BETTER_CORNER): [], 9 => 1;
+            triangle_volume(TRIANGLE_VOLUME, NORMAL_PART): [], 9 => 5;
+            triangle_edge(TRIANGLE_EDGE): [TileView<f64>], 7 => 3;
+            outside_triangle(IF_OUTSIDE_TRIANGLE, IF_OUTSIDE_EDGE, ONE_TERM): [TriangleArrays], 4 => 1;
+            outside_sphere(IF_OUTSIDE_SPHERE, ONE_SQUARE): [SphereArrays], 3 => 1;
+            triangle_hides(TRIANGLE_HIDES): [TriangleCaster<f64>], 5 => 1;
+            sphere_hides(SPHERE_HIDES): [SphereCaster<f64>], 8 => 1;
+            reach(REACH): [SphereView<f64>], 3 => 1;
+            least_and_most(LEAST_AND_MOST): [], 3 => 2;
         }
     };
 }
@@ -116,7 +119,12 @@ macro_rules! in_double {
 macro_rules! in_single {
     ($prefix:literal, $isa:ident) => {
         alone! { $prefix, $isa, f32;
-            caster_edge: CasterEdges, 2 => 1;
+            edges_here(EDGES_HERE): [], 5 => 2;
+            cross2(CROSS2): [], 4 => 1;
+            project(PROJECT): [], 6 => 5;
+            caster_edge(EDGE_OF_CASTER): [CasterEdges], 2 => 1;
+            within_edges(WITHIN_EDGES): [CasterEdges], 2 => 1;
+            within_bounds(WITHIN_BOUNDS): [CasterBounds], 2 => 1;
         }
     };
 }

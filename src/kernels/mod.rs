@@ -68,9 +68,9 @@ pub use packet::{F32x3, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use portable::{normal_over_t, portable};
 pub use records::{
-    AroundSphere, BoundsView, CHUNK, Candidate, CasterEdges, Element, LightPosition, LitRow, LitSetup, LitSphere,
-    ObjectLight, PART_SIDE, PointObject, PointView, ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH,
-    TileLight, TileRays, TileShade, TileSphere, TileView, Triangle, TriangleHit,
+    AroundSphere, BoundsView, CHUNK, Candidate, CasterBounds, CasterEdges, Element, LightPosition, LitRow, LitSetup,
+    LitSphere, ObjectLight, PART_SIDE, PointObject, PointView, ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT,
+    TILE_WIDTH, TileLight, TileRays, TileShade, TileSphere, TileView, Triangle, TriangleHit,
 };
 pub use records::{
     GROUP, LightSideView, LitGroups, MOST_CASTERS, SphereCaster, TILE_PIXELS, TilePoints, TriangleCaster,

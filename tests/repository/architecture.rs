@@ -212,9 +212,9 @@ fn examples_need_nothing_that_the_documentation_hides() {
 
 #[test]
 fn it_stays_small() {
-    // Some 2,800 of these lines prove operations for all inputs, and replace no other code: no
+    // Some 2,950 of these lines prove operations for all inputs, and replace no other code: no
     // number of tests can show as much.
-    const CODE_LINES: usize = 62_000;
+    const CODE_LINES: usize = 62_160;
     const KERNELS: usize = 39;
     const PRODUCT: [&str; 6] = ["src/", "asm/", "lab/src/", "cli/src/", "mpi/src/", "view/src/"];
     let sources = sources(&["rs", "asm", "inc", "c", "h"]);

@@ -64,15 +64,17 @@ pub fn is_proved(operation: &str, implementation: &str) -> Option<bool> {
 }
 
 /// Macros with an `equals` line that are not proved, and why.
-pub const EXCEPTIONS: [(&str, &str); 20] = [
+///
+/// A solver of bit vectors could prove these, and one iteration of the loop of `nearest` over the
+/// blocks of an object, in which integers choose the lanes that f64 decides. There it stops: such a
+/// solver expands each product and each root of floats into gates, thousands for one of f64, where
+/// equal expressions are equal without. So loops are compared with their twins by tests.
+pub const EXCEPTIONS: [(&str, &str); 15] = [
     ("FIRST_AND_PAST", INTEGERS),
     ("LENGTH", INTEGERS),
     ("ONE_RAY", INTEGERS),
     ("MEETS", INTEGERS),
     ("NEAREST_PIXEL", SIGN),
-    ("PROJECT", MEMORY),
-    ("EDGES_HERE", INLINE),
-    ("CROSS2", INLINE),
     ("SPHERE_D", MEMORY),
     ("TERM", MEMORY),
     ("NORMAL", MEMORY),
@@ -83,8 +85,6 @@ pub const EXCEPTIONS: [(&str, &str); 20] = [
     ("BOUNDS_OF_CASTERS", MEMORY),
     ("EDGE_OF_TRIANGLE", MEMORY),
     ("EDGES_OF_CASTERS", MEMORY),
-    ("WITHIN_EDGES", MEMORY),
-    ("WITHIN_BOUNDS", MEMORY),
 ];
 const INTEGERS: &str = "it computes with integers, of which the model knows results alone";
 const SIGN: &str = "it takes the sign of a computed number, which may be a NaN";

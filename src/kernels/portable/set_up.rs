@@ -132,6 +132,35 @@ pub struct FoundBounds<L> {
     pub most_in_front: L,
 }
 
+/// The projections of three corners along an axis of the picture, and the least and the greatest of
+/// them.
+#[derive(Clone, Copy)]
+pub struct Projected<L> {
+    pub along: [L; 3],
+    pub ends: [L; 2],
+}
+
+/// Projects the coordinates of corners: PROJECT.
+#[inline(always)]
+pub fn project<L: Lanes>(over: [L; 3], coordinates: [L; 3]) -> Projected<L> {
+    let along = zip(over, coordinates, L::mul);
+    let [a, b, c] = along;
+    Projected { along, ends: [a.min(b).min(c), b.max(a).max(c)] }
+}
+
+/// Twice the area between two vectors of the picture: CROSS2.
+#[inline(always)]
+pub fn cross2<L: Lanes>([ax, ay]: [L; 2], [bx, by]: [L; 2]) -> L {
+    ax * by - ay * bx
+}
+
+/// The greatest of `low` and the least edge, and the least of `high` and the greatest edge:
+/// EDGES_HERE.
+#[inline(always)]
+pub fn edges_here<L: Lanes>([low, high]: [L; 2], [a, b, c]: [L; 3]) -> [L; 2] {
+    [low.max(a.min(b).min(c)), high.min(a.max(b).max(c))]
+}
+
 /// Finds the bounds of triangles. Bounds that contain at most four pixels, each outside of some
 /// edge, become empty.
 #[inline(always)]
@@ -142,11 +171,8 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let z = corners.each(|corner| corner[2]);
     let (nearest, farthest) = (least(z), most(z));
     let over = z.each(|z| all(view.to_pixels) / z);
-    let [(across, [left, right]), (up, [bottom, top])] = [0, 1].each(|axis| {
-        let along = [0, 1, 2].each(|i| over[i] * corners[i][axis]);
-        let [a, b, c] = along;
-        (along, [a.min(b).min(c), b.max(a).max(c)])
-    });
+    let [across, up] = [0, 1].each(|axis| project(over, corners.each(|corner| corner[axis])));
+    let ([left, right], [bottom, top]) = (across.ends, up.ends);
     let pixels = |[from, to]: [L; 2], side: f32| {
         let [first, past] = [from + all(view.low), to + all(view.high)];
         [first, past].each(|x| x.max(zero).min(all(side)).floor())
@@ -157,21 +183,20 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let cannot_exceed = ahead.select(all(view.most) / nearest, L::all(f32::MAX));
 
     // The edges at the first pixel within the bounds, and their increments per column and per row.
-    let x = across.each(|x| x - (columns[0] - all(view.column)));
-    let y = up.each(|y| y - (all(view.row) - rows[0]));
+    let x = across.along.each(|x| x - (columns[0] - all(view.column)));
+    let y = up.along.each(|y| y - (all(view.row) - rows[0]));
     let next = [(0, 1), (1, 2), (2, 0)];
-    let mut edges = next.each(|(v, w)| x[v] * y[w] - y[v] * x[w]);
+    let mut edges = next.each(|(v, w)| cross2([x[v], y[v]], [x[w], y[w]]));
     let (column, row) = (next.each(|(v, w)| y[v] - y[w]), next.each(|(v, w)| x[v] - x[w]));
     // Over these pixels the greatest value of the least edge, and the least value of the greatest
-    // edge: EDGES_HERE.
-    let (mut low, mut high) = (least(edges), most(edges));
-    let there = |(low, high): (L, L), edges| (low.max(least(edges)), high.min(most(edges)));
-    edges = zip(edges, column, |edge, more| edge + more);
-    (low, high) = there((low, high), edges);
-    edges = zip(edges, row, |edge, more| edge + more);
-    (low, high) = there((low, high), edges);
-    edges = zip(edges, column, |edge, more| edge - more);
-    (low, high) = there((low, high), edges);
+    // edge.
+    let mut ends = [least(edges), most(edges)];
+    edges = zip(edges, column, L::add);
+    ends = edges_here(ends, edges);
+    edges = zip(edges, row, L::add);
+    ends = edges_here(ends, edges);
+    edges = zip(edges, column, L::sub);
+    let [low, high] = edges_here(ends, edges);
     let has_no_pixel = all(view.outside).greater(low.max(high.negated()));
     let [width, height] = [right - left, top - bottom].each(|length| ahead.select(length, L::all(f32::MAX)));
     let is_small = all(view.reach).greater(width).and(all(view.reach).greater(height));

@@ -286,7 +286,7 @@ pub fn caster_edge<L: Lanes>([a, b, c]: [L; 3], x: L, y: L) -> L {
 /// A mask of the positions x and y, in cells, that are within the edges of the triangle at the
 /// index `i` of a block: WITHIN_EDGES.
 #[inline(always)]
-fn within_edges<L: Lanes<Number = f32>>([x, y]: [L; 2], edges: &CasterEdges, i: usize) -> L {
+pub fn within_edges<L: Lanes<Number = f32>>([x, y]: [L; 2], edges: &CasterEdges, i: usize) -> L {
     let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
     let edge = |a, b, c| caster_edge([all(a), all(b), all(c)], x, y);
     let first = edge(&edges.a1, &edges.b1, &edges.c1);
@@ -298,7 +298,7 @@ fn within_edges<L: Lanes<Number = f32>>([x, y]: [L; 2], edges: &CasterEdges, i: 
 /// A mask of the positions x and y, in cells, that are within the bounds of the object at the index
 /// `i` of a block: WITHIN_BOUNDS.
 #[inline(always)]
-fn within_bounds<L: Lanes<Number = f32>>([x, y]: [L; 2], bounds: &CasterBounds, i: usize) -> L {
+pub fn within_bounds<L: Lanes<Number = f32>>([x, y]: [L; 2], bounds: &CasterBounds, i: usize) -> L {
     let all = |field: &[u32; BLOCK]| L::all(f32::from_bits(field[i]));
     let past_least = (all(&bounds.x) + x).min(all(&bounds.y) + y);
     let before_greatest = (all(&bounds.past_x) - x).min(all(&bounds.past_y) - y);

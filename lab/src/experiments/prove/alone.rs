@@ -10,59 +10,27 @@ use super::{InputNumber, ResultNumber, Subject};
 use crate::experiments::step::model::Number as Format;
 use rayo::internals::kernels::harness::lanes::{self, Lanes, Packet};
 use rayo::internals::kernels::harness::nearest::{self, Planes};
-use rayo::internals::kernels::harness::set_up::{self, Volume};
+use rayo::internals::kernels::harness::set_up::{self, Projected, Volume};
 use rayo::internals::kernels::harness::shadows::{self, Query};
-use rayo::internals::kernels::harness::{rows, shade, spheres};
+use rayo::internals::kernels::harness::spheres;
+use rayo::internals::kernels::harness::{rows, shade};
 use rayo::internals::kernels::{
-    self, Alone, CasterEdges, Isa, LitSphere, ObjectLight, Plain, ShortLight, SphereArrays, SphereCaster, SpherePlanes,
-    SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    self, Alone, CasterBounds, CasterEdges, Isa, LitSphere, ObjectLight, Plain, ShortLight, SphereArrays, SphereCaster,
+    SpherePlanes, SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
 };
 use rayo::internals::render::Precision;
-
-/// The macros that a function of asm/ops/alone.asm consists of.
-fn macros_of(name: &str) -> &'static [&'static str] {
-    match name {
-        "cross3_unfused" => &["CROSS3_UNFUSED"],
-        "dot3_unfused" => &["DOT3_UNFUSED"],
-        "cosine" => &["COSINE"],
-        "triangle_cosine" => &["TRIANGLE_COSINE"],
-        "normal_over_t" => &["SPHERE_ROOT", "NORMAL_OVER_T"],
-        "sphere_cosine" => &["SPHERE_COSINE"],
-        "around_normal" => &["AROUND_NORMAL"],
-        "around_cosine" => &["AROUND_COSINE"],
-        "short_cosine" => &["SHORT_COSINE"],
-        "triangle_at" => &["PLANE_ROW", "PLANE_AT", "TRIANGLE_AT"],
-        "sphere_at" => &["SPHERE_ROW", "SPHERE_D_AT", "SPHERE_INVERSE_AT"],
-        "sphere_lit" => &["SPHERE_LIT"],
-        "silhouette" => &["SILHOUETTE"],
-        "sphere_box" => &["SPHERE_BOX"],
-        "reach" => &["REACH"],
-        "pixels_between" => &["PIXELS_BETWEEN"],
-        "length_of" => &["LENGTH_OF"],
-        "better_corner" => &["BETTER_CORNER"],
-        "triangle_volume" => &["TRIANGLE_VOLUME", "NORMAL_PART"],
-        "triangle_edge" => &["TRIANGLE_EDGE"],
-        "least_and_most" => &["LEAST_AND_MOST"],
-        "outside_triangle" => &["IF_OUTSIDE_TRIANGLE", "IF_OUTSIDE_EDGE", "ONE_TERM"],
-        "outside_sphere" => &["IF_OUTSIDE_SPHERE", "ONE_SQUARE"],
-        "caster_edge" => &["EDGE_OF_CASTER"],
-        "triangle_hides" => &["TRIANGLE_HIDES"],
-        "sphere_hides" => &["SPHERE_HIDES"],
-        _ => panic!("the function `{name}` needs its macros in lab/src/experiments/prove/alone.rs"),
-    }
-}
 
 /// Of a record of at most this many bytes all fields are inputs of a proof; of a larger one, only
 /// the fields that the twin reads.
 const MOST_FIELDS: usize = 256;
 
 /// The arguments of a twin: packets by their index (`a`), and the numbers of a record by their byte
-/// offsets. `number` reads a number in the format of the elements, `single` one that is f32 even
-/// where elements are f64.
+/// offsets. `number` reads a number in the format of the elements; `array` reads f32 numbers from
+/// an offset on, one for each lane.
 struct Arguments<'a, L: Lanes> {
     a: &'a dyn Fn(usize) -> L,
     number: &'a dyn Fn(usize) -> L::Number,
-    single: &'a dyn Fn(usize) -> f32,
+    array: &'a dyn Fn(usize) -> L,
 }
 
 impl<L: Lanes> Arguments<'_, L> {
@@ -72,7 +40,8 @@ impl<L: Lanes> Arguments<'_, L> {
 }
 
 /// Makes a record whose named fields are numbers of the arguments, and whose other fields are 0.
-/// With `first of` the fields are arrays, of which only the first element is set.
+/// With `first of` the fields are arrays, of which only the first element is set; with `bits of`
+/// they are arrays of the bits of numbers.
 macro_rules! record {
     ($arguments:ident, $type:ty: $($field:ident)*) => {{
         let mut record = <$type>::ZERO;
@@ -84,6 +53,18 @@ macro_rules! record {
         $(record.$field[0] = ($arguments.number)(offset_of!($type, $field));)*
         record
     }};
+    ($arguments:ident, bits of $type:ty: $($field:ident)*) => {{
+        let mut record = <$type>::ZERO;
+        $(record.$field[0] = ($arguments.number)(offset_of!($type, $field)).to_bits();)*
+        record
+    }};
+}
+
+/// The numbers of each lane in the arrays named, of which the first is at an offset in a record.
+macro_rules! arrays {
+    ($arguments:ident, $first:expr, $type:ty: $($field:ident)*) => {
+        [$(($arguments.array)($first + offset_of!($type, $field))),*]
+    };
 }
 
 /// The results of the twins of macros that are used in both formats.
@@ -132,38 +113,69 @@ fn in_both<L: Lanes>(name: &str, arguments: &Arguments<'_, L>) -> Vec<L> {
             let j = L::Number::ZERO;
             vec![rows::Span::<L, false> { sphere, j, m: a(1), a: a(2), h0: a(3), q0: a(4) }.light(a(0))]
         }
-        "caster_edge" => {
-            let offsets = [offset_of!(CasterEdges, a1), offset_of!(CasterEdges, b1), offset_of!(CasterEdges, c1)];
-            vec![shadows::caster_edge(offsets.map(arguments.number).map(L::all), a(0), a(1))]
-        }
         _ => panic!("the function `{name}` needs a twin in lab/src/experiments/prove/alone.rs"),
     }
 }
 
-/// The offsets of the coordinates of each of a triangle's corners.
-const CORNER_OFFSETS: [[usize; 3]; 3] = [
-    [offset_of!(TriangleArrays, ax), offset_of!(TriangleArrays, ay), offset_of!(TriangleArrays, az)],
-    [offset_of!(TriangleArrays, bx), offset_of!(TriangleArrays, by), offset_of!(TriangleArrays, bz)],
-    [offset_of!(TriangleArrays, cx), offset_of!(TriangleArrays, cy), offset_of!(TriangleArrays, cz)],
-];
-
-/// The results of the twins of macros that are used in f64 alone.
-fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -> Vec<W> {
+/// The results of the twins of macros that are used in f32 alone.
+fn in_single<L: Lanes<Number = f32>>(name: &str, arguments: &Arguments<'_, L>) -> Vec<L> {
     let a = arguments.a;
-    let view = |field: usize| W::all((arguments.number)(field));
-    let width = || view(offset_of!(SphereView<f64>, width));
-    let singles = |offsets: [usize; 3]| offsets.map(|offset| W::of((arguments.single)(offset).into()));
-    let truth = |holds: bool| vec![W::of(f64::from(u8::from(holds)))];
     match name {
-        "silhouette" => spheres::silhouette(a(0), a(1), a(2)).to_vec(),
+        "edges_here" => set_up::edges_here([a(0), a(1)], arguments.three(2)).to_vec(),
+        "cross2" => vec![set_up::cross2([a(0), a(1)], [a(2), a(3)])],
+        "project" => {
+            let Projected { along, ends } = set_up::project(arguments.three(0), arguments.three(3));
+            [&along[..], &ends].concat()
+        }
+        "caster_edge" => {
+            let offsets = [offset_of!(CasterEdges, a1), offset_of!(CasterEdges, b1), offset_of!(CasterEdges, c1)];
+            vec![shadows::caster_edge(offsets.map(arguments.number).map(L::all), a(0), a(1))]
+        }
+        "within_edges" => {
+            let edges = record!(arguments, bits of CasterEdges: a1 b1 c1 a2 b2 c2 a3 b3 c3);
+            vec![shadows::within_edges([a(0), a(1)], &edges, 0).and(L::of(1.0))]
+        }
+        "within_bounds" => {
+            let bounds = record!(arguments, bits of CasterBounds: x y past_x past_y);
+            vec![shadows::within_bounds([a(0), a(1)], &bounds, 0).and(L::of(1.0))]
+        }
+        _ => in_both(name, arguments),
+    }
+}
+
+/// The corners of triangles whose arrays are at an offset in a record.
+fn corners<W: Lanes>(arguments: &Arguments<'_, W>, first: usize) -> [[W; 3]; 3] {
+    [
+        arrays!(arguments, first, TriangleArrays: ax ay az),
+        arrays!(arguments, first, TriangleArrays: bx by bz),
+        arrays!(arguments, first, TriangleArrays: cx cy cz),
+    ]
+}
+
+/// The results of the twins of macros that set up spheres.
+fn of_spheres<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -> Vec<W> {
+    let a = arguments.a;
+    match name {
         "sphere_box" => {
             let view = record!(arguments, SphereView<f64>: focal step half_width half_height);
             spheres::outline(&view, arguments.three(0)).concat()
         }
-        "reach" => vec![spheres::reach([a(0), a(1)], a(2), width())],
         "pixels_between" => {
             spheres::pixels_between([a(0), a(1)], (arguments.number)(offset_of!(SphereView<f64>, width))).to_vec()
         }
+        "reach" => {
+            let width = W::all((arguments.number)(offset_of!(SphereView<f64>, width)));
+            vec![spheres::reach([a(0), a(1)], a(2), width)]
+        }
+        _ => in_both(name, arguments),
+    }
+}
+
+/// The results of the twins of macros that are used in f64 alone.
+fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -> Vec<W> {
+    let a = arguments.a;
+    let truth = |holds: bool| vec![W::of(f64::from(u8::from(holds)))];
+    match name {
         "length_of" => vec![lanes::dot_unfused(arguments.three(0), arguments.three(0)).sqrt()],
         "better_corner" => vec![set_up::better_corner([0, 3, 6].map(|first| arguments.three(first))).and(W::of(1.0))],
         "triangle_volume" => {
@@ -175,15 +187,10 @@ fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -
             let view = record!(arguments, TileView<f64>: dx dy dz step down bound_x bound_y bound_z bound_0);
             set_up::edge(&view, arguments.three(0), arguments.three(3), W::of(0.0).with_sign_of(a(6))).to_vec()
         }
-        "least_and_most" => shadows::least_and_most(arguments.three(0)).to_vec(),
-        "outside_triangle" => {
-            let corners = CORNER_OFFSETS.map(singles);
-            truth(nearest::is_in_triangle(corners, a(3), arguments.three(0)))
-        }
+        "outside_triangle" => truth(nearest::is_in_triangle(corners(arguments, 0), a(3), arguments.three(0))),
         "outside_sphere" => {
-            let offsets = [offset_of!(SphereArrays, x), offset_of!(SphereArrays, y), offset_of!(SphereArrays, z)];
-            let radius = W::of((arguments.single)(offset_of!(SphereArrays, radius)).into());
-            truth(nearest::is_in_sphere(singles(offsets), radius, arguments.three(0)))
+            let [x, y, z, radius] = arrays!(arguments, 0, SphereArrays: x y z radius);
+            truth(nearest::is_in_sphere([x, y, z], radius, arguments.three(0)))
         }
         "triangle_hides" => {
             let caster = record!(arguments, TriangleCaster<f64>: e1x e1y e1z e10 e2x e2y e2z e20 e3x e3y e3z e30
@@ -197,7 +204,8 @@ fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -
             let points = Query { p: arguments.three(0), size: a(6), own: a(7), g: arguments.three(3) };
             vec![shadows::sphere_hides(&caster, &points).and(W::of(1.0))]
         }
-        _ => in_both(name, arguments),
+        "least_and_most" => shadows::least_and_most(arguments.three(0)).to_vec(),
+        _ => of_spheres(name, arguments),
     }
 }
 
@@ -208,16 +216,16 @@ pub fn all() -> Vec<Subject> {
 
 fn subject(alone: &'static Alone) -> Subject {
     let of = match (alone.element, alone.isa) {
-        (4, Isa::Sse41) => of_element::<f32, Symbol<f32, false>, Packet<f32, 1, false>>,
-        (4, _) => of_element::<f32, Symbol<f32, true>, Packet<f32, 1, true>>,
+        (4, Isa::Sse41) => of_single::<Symbol<f32, false>, Packet<f32, 1, false>>,
+        (4, _) => of_single::<Symbol<f32, true>, Packet<f32, 1, true>>,
         (_, Isa::Sse41) => of_double::<Symbol<f64, false>, Packet<f64, 1, false>>,
         _ => of_double::<Symbol<f64, true>, Packet<f64, 1, true>>,
     };
     of(alone)
 }
 
-fn of_element<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(alone: &'static Alone) -> Subject {
-    of_twins::<E, S, P>(alone, in_both::<S>, in_both::<P>)
+fn of_single<S: Lanes<Number = f32>, P: Lanes<Number = f32>>(alone: &'static Alone) -> Subject {
+    of_twins::<f32, S, P>(alone, in_single::<S>, in_single::<P>)
 }
 
 fn of_double<S: Lanes<Number = f64>, P: Lanes<Number = f64>>(alone: &'static Alone) -> Subject {
@@ -280,8 +288,8 @@ fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
     let twin = move |lane: usize| {
         let a = |packet: usize| S::all(E::named(&lane_name(packet, lane)));
         let number = |offset: usize| E::named(&field_name(offset));
-        let single = |offset: usize| f32::named(&field_name(offset));
-        let results = twin(name, &Arguments { a: &a, number: &number, single: &single });
+        let array = |offset: usize| S::load_bits(&[f32::named(&field_name(offset + 4 * lane)).to_bits()]);
+        let results = twin(name, &Arguments { a: &a, number: &number, array: &array });
         results.into_iter().map(|result| result.lane(0).node()).collect()
     };
     let call = move |given: &dyn Fn(&str) -> u64| call_on_bits(alone, &fields, compared_lanes, given);
@@ -290,7 +298,7 @@ fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
         form: "macros",
         isa: alone.isa,
         precision: if alone.element == 4 { Precision::Single } else { Precision::Double },
-        macros: macros_of(name),
+        macros: alone.macros,
         symbol: alone.symbol(),
         address: alone.address(),
         registers: vec![(ARGUMENT_REGISTERS[0], B), (ARGUMENT_REGISTERS[1], A), (ARGUMENT_REGISTERS[2], OUT)],
@@ -305,15 +313,16 @@ fn of_twins<E: Carrier, S: Lanes<Number = E>, P: Lanes<Number = E>>(
 /// record, all others too, since the function may read numbers on which its result does not depend.
 fn fields_read<E: Carrier, P: Lanes<Number = E>>(alone: &Alone, twin: Twin<P>) -> Vec<Field> {
     let read = RefCell::new(BTreeSet::new());
-    let single = |offset: usize| -> f32 {
-        read.borrow_mut().insert(Field { offset, bytes: 4 });
-        1.0
-    };
     let number = |offset: usize| -> E {
         read.borrow_mut().insert(Field { offset, bytes: alone.element });
         E::from_f64(1.0)
     };
-    twin(alone.name, &Arguments { a: &|_| P::of(1.0), number: &number, single: &single });
+    let array = |offset: usize| {
+        let lanes = 0..alone.packet_bytes() / alone.element;
+        read.borrow_mut().extend(lanes.map(|lane| Field { offset: offset + 4 * lane, bytes: 4 }));
+        P::of(1.0)
+    };
+    twin(alone.name, &Arguments { a: &|_| P::of(1.0), number: &number, array: &array });
     let mut fields = read.into_inner();
     if alone.record <= MOST_FIELDS {
         let offsets = (0..alone.record).step_by(alone.element);

@@ -32,36 +32,19 @@ pub fn all() -> Vec<Subject> {
     all
 }
 
-/// The macros of asm/include that an operation on single vectors consists of.
-fn macros_of(operation: &str) -> &'static [&'static str] {
+/// The macros of asm/include that an operation consists of: on single vectors, and on packets.
+fn macros_of(operation: &str) -> [&'static [&'static str]; 2] {
     match operation {
-        "add" => &["VEC_ADD"],
-        "sub" => &["VEC_SUB"],
-        "scale" => &["VEC_SCALE"],
-        "dot" => &["VEC_DOT", "VEC_SUM"],
-        "norm" => &["VEC_NORM"],
-        "cross" => &["VEC_CROSS"],
-        "normalise" => &["VEC_NORMALISE"],
-        "sphere" => &["SPHERE_HIT"],
-        "triangle" => &["TRIANGLE_HIT", "PLANE_NORMAL", "SAME_SIDE"],
-        "lambert" | "lambert2" => &["LAMBERT"],
-        _ => panic!("the operation `{operation}` needs its macros in lab/src/experiments/prove/operations.rs"),
-    }
-}
-
-/// The macros of asm/include that an operation on packets consists of.
-fn macros_of_packets(operation: &str) -> &'static [&'static str] {
-    match operation {
-        "add" => &["ADD3"],
-        "sub" => &["SUB3"],
-        "scale" => &["SCALE3"],
-        "dot" => &["DOT3"],
-        "norm" => &["NORM3"],
-        "cross" => &["CROSS3"],
-        "normalise" => &["NORMALISE3"],
-        "sphere" => &["SPHERE_HIT3"],
-        "triangle" => &["TRIANGLE_HIT3"],
-        "lambert" => &["LAMBERT3"],
+        "add" => [&["VEC_ADD"], &["ADD3"]],
+        "sub" => [&["VEC_SUB"], &["SUB3"]],
+        "scale" => [&["VEC_SCALE"], &["SCALE3"]],
+        "dot" => [&["VEC_DOT", "VEC_SUM"], &["DOT3"]],
+        "norm" => [&["VEC_NORM"], &["NORM3"]],
+        "cross" => [&["VEC_CROSS"], &["CROSS3"]],
+        "normalise" => [&["VEC_NORMALISE"], &["NORMALISE3"]],
+        "sphere" => [&["SPHERE_HIT"], &["SPHERE_HIT3"]],
+        "triangle" => [&["TRIANGLE_HIT", "PLANE_NORMAL", "SAME_SIDE"], &["TRIANGLE_HIT3"]],
+        "lambert" | "lambert2" => [&["LAMBERT"], &["LAMBERT3"]],
         _ => panic!("the operation `{operation}` needs its macros in lab/src/experiments/prove/operations.rs"),
     }
 }
@@ -153,7 +136,7 @@ pub fn of_macros(form: Form, name: &'static str, op: OpRef) -> Subject {
         form: if form == Form::Paper { "paper" } else { "aos" },
         isa: Isa::Sse41,
         precision: Precision::Single,
-        macros: macros_of(name),
+        macros: macros_of(name)[0],
         symbol: op.symbol(),
         address: op.address(),
         registers: vec![(ARGUMENT_REGISTERS[0], OUT), (ARGUMENT_REGISTERS[1], A), (ARGUMENT_REGISTERS[2], B)],
@@ -194,7 +177,7 @@ pub fn of_packets<E: PacketElement + Carrier>(isa: Isa, code: PacketOpCode) -> S
         form: "packets",
         isa,
         precision: if bytes == 4 { Precision::Single } else { Precision::Double },
-        macros: macros_of_packets(name),
+        macros: macros_of(name)[1],
         symbol,
         address,
         registers: vec![
