@@ -181,10 +181,6 @@ ENDFUNC
     SPHERE_BOX v3, v4, v5, v6, v0, v1, v2, v7, v8, v9
     RETURN  3, 4
 
-    ALONE   reach, 3, SphereView_size, 0
-    REACH   v0, v1, v2, width, v3
-    RETURN  1, 1
-
     ALONE   pixels_between, 2, SphereView_size, 0
     PIXELS_BETWEEN v0, v1, width
     RETURN  0, 2
@@ -236,6 +232,64 @@ ENDFUNC
     VMOV_TO [SUM_OF_SQUARES], v8
     SPHERE_HIDES
     MASK_RESULT
+
+    ALONE   sphere_d, 0, 10, VBYTES * W_places
+    mov     r11, r15
+    mov     r15, rax
+    lea     r8, [rdi + ELEM * SphereView_size]
+    SPHERE_D
+    RESULTS VMOV, r15 + VBYTES * W_column, VBYTES, 2
+    RESULTS VMOV, r15 + VBYTES * W_ux, VBYTES, 3
+    RESULTS VMOV, r15 + VBYTES * W_cc, VBYTES, 3
+    RESULTS VMOV, r15 + VBYTES * W_rayx, VBYTES, 7
+    VMOV    v3, v6
+    VMOV    v5, v8
+    VMOV    v6, v12
+    VMOV    v7, v9
+    mov     r15, r11
+    RETURN  2, 6
+
+    ; Inputs: the greatest distances from the origin; then d0, dx, dxy, dy, dxx and dyy.
+    ALONE   term, 8, 0, 4 * SpherePlanes_size
+    mov     r9, rax
+    VMOV    v8, v3
+    VMOV    v9, v5
+    VABS    v3, v2
+    TERM    4, dx, 8, v0, none
+    TERM    4, dy, 9, v1, none
+    TERM    4, dxx, 6, v0, v0
+    TERM    4, dxy, 4, v0, v1
+    TERM    4, dyy, 7, v1, v1
+    RESULTS WIDEN, r9 + 4 * SpherePlanes.dx, 4 * (SpherePlanes.dy - SpherePlanes.dx), 5
+    RETURN  3, 1
+
+    ; Inputs: t and its increments; scale / radius; the centre; the ray, without its depth.
+    ALONE   normal, 9, 10, VBYTES * W_places
+    mov     r11, r15
+    mov     r15, rax
+    VMOV_TO W(ux), v4
+    VMOV_TO W(uy), v5
+    VMOV_TO W(uz), v6
+    VMOV_TO W(rayx), v7
+    VMOV_TO W(rayy), v8
+    NORMAL  x, W(rayx), SphereView.step, none
+    NORMAL  y, W(rayy), none, SphereView.step
+    KLOAD   v7, SphereView.focal
+    NORMAL  z, v7, none, none
+    RESULTS VMOV, r15 + VBYTES * W_mx, VBYTES, 9
+    mov     r15, r11
+    RETURN  0, 0
+
+    ; Record: a light, spheres and triangles.
+    ALONE   lights, 0, 0, 0
+    mov     r11, rdi
+    lea     r8, [rdi + ELEM * TileLight_size]
+    TO_LIGHT
+    SPHERE_WEIGHT v3, red, [PACKET(white)], 4
+    SPHERE_WEIGHT v4, green, [PACKET(white)], 8
+    add     r8, SphereArrays_size
+    WEIGHT  5, blue
+    RETURN  0, 6
 
     ALONE   least_and_most, 3, 0, 0
     LEAST_AND_MOST v3, v4, v0, v1, v2

@@ -174,7 +174,7 @@
 %endmacro
 
 ; WEIGHT - v<i> = the colour times the radiance of the light at r11. Clobbers v15.
-;   equals      kernels::portable::set_up::set_up
+;   equals      kernels::portable::set_up::weight
 %macro WEIGHT 2
 %define %%i %1          ; [out]      number of a register
 %define %%channel %2    ; [in]       red, green or blue

@@ -65,7 +65,7 @@
 %define W(name) [r15 + VBYTES * (W_ %+ name)]
 
 ; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, and clamped to the picture.
-;   equals      kernels::portable::spheres::InFront
+;   equals      kernels::portable::spheres::nearest_pixel
 %macro NEAREST_PIXEL 5
 %define %%d %1          ; [out]      vreg
 %define %%a %2          ; [in]       vreg
@@ -85,7 +85,7 @@
 
 ; REACH - d = the greatest distance from the origin o of the part of the outline, from a to b, that is in the picture,
 ;         plus one pixel.
-;   equals      kernels::portable::spheres::InFront
+;   equals      kernels::portable::spheres::reach
 %macro REACH 5
 %define %%a %1          ; [clobbered] vreg
 %define %%b %2          ; [in/out]   vreg: d
@@ -109,7 +109,7 @@
 ;
 ;   k = c.c - 1 is ((cz - 1) (cz + 1) + cx^2) + cy^2, with cz - 1 from z - r, which is exact where they are near each
 ;   other: all terms are positive, so that k keeps its digits where the camera is next to the sphere.
-;   equals      kernels::portable::spheres::InFront
+;   equals      kernels::portable::spheres::InFront::new
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + SphereArrays.radius]
     WIDEN   v0, [r8 + SphereArrays.x]
@@ -228,7 +228,7 @@ ENDFUNC
 %endmacro
 
 ; TERM - adds |d times a times b| to v3 and stores d.
-;   equals      kernels::portable::spheres::set_up
+;   equals      kernels::portable::spheres::sum_of_terms, five times
 %macro TERM 5
 %define %%out %1        ; [in]       4 or 8
 %define %%field %2      ; [in]       of SpherePlanes
@@ -311,35 +311,36 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 
 ; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, and its increments
 ;          for a column and a row; t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
-;   equals      kernels::portable::spheres::shading
+;   equals      kernels::portable::spheres::normal
 %macro NORMAL 4
 %define %%axis %1       ; [in]       x, y or z
 %define %%ray %2        ; [in]       aligned memory or K: d at the origin, the others being ...
-%define %%column %3     ; [in]       K, or none for 0: its increment for a column
-%define %%row %4        ; [in]       K, or none for 0: its decrement for a row
+%define %%column %3     ; [in]       field, or none for 0: its increment for a column
+%define %%row %4        ; [in]       field, or none for 0: its decrement for a row
     VMUL    v5, v0, W(u%[%%axis])
     VMOV    v6, %%ray
     VSUB    v6, v6, v5
     VMUL    v6, v6, v3
     VMOV_TO W(m%[%%axis]), v6
     VMUL    v5, v1, W(u%[%%axis])
+%ifidn %%column, none
     VZERO   v6
-%ifnidn %%column, none
-    VADD    v6, v6, %%column
+%else
+    KLOAD   v6, %%column
 %endif
     VSUB    v6, v6, v5
     VMUL    v6, v6, v3
     VMOV_TO W(m%[%%axis]x), v6
     VMUL    v6, v2, W(u%[%%axis])
 %ifnidn %%row, none
-    VSUB    v6, v6, %%row
+    VSUB    v6, v6, K(%%row)
 %endif
     VMUL    v6, v6, v3
     VMOV_TO W(m%[%%axis]y), v6
 %endmacro
 
 ; TO_LIGHT - v0, v1, v2 = from the centre to the light at r11, in units of the radii in v3.
-;   equals      kernels::portable::spheres::shading
+;   equals      kernels::portable::spheres::to_light
 %macro TO_LIGHT 0
     WIDEN   v3, [r8 + SphereArrays.x]
     VSPREAD v0, [r11 + 8 * TileLight.x]
@@ -372,7 +373,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 ;
 ;   A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but in blocks that it shares with others 0
 ;   times its weight is added to them, which must not be NaN.
-;   equals      kernels::portable::spheres::shading
+;   equals      kernels::portable::spheres::weight
 %macro SPHERE_WEIGHT 4
 %define %%d %1          ; [out]      vreg
 %define %%channel %2    ; [in]       red, green or blue
@@ -416,8 +417,8 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
     KLOAD   v3, SphereView.scale
     VDIV    v3, v3, v4
     VMOV_TO W(per), v3
-    NORMAL  x, W(rayx), K(SphereView.step), none
-    NORMAL  y, W(rayy), none, K(SphereView.step)
+    NORMAL  x, W(rayx), SphereView.step, none
+    NORMAL  y, W(rayy), none, SphereView.step
     KLOAD   v7, SphereView.focal
     NORMAL  z, v7, none, none
     mov     ebx, %%out * TileSphere_size

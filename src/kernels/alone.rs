@@ -5,7 +5,7 @@ use super::isa::Isa;
 use super::kernel::{Kernel, kernel, reads, writes};
 use super::records::{
     CasterBounds, CasterEdges, LightPosition, LitSphere, ObjectLight, ShortLight, SphereArrays, SphereCaster,
-    SpherePlanes, SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    SpherePlanes, SphereView, TileLight, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
 };
 
 /// Macros as a function that takes a record and packets.
@@ -109,7 +109,10 @@ macro_rules! in_double {
             outside_sphere(IF_OUTSIDE_SPHERE, ONE_SQUARE): [SphereArrays], 3 => 1;
             triangle_hides(TRIANGLE_HIDES): [TriangleCaster<f64>], 5 => 1;
             sphere_hides(SPHERE_HIDES): [SphereCaster<f64>], 8 => 1;
-            reach(REACH): [SphereView<f64>], 3 => 1;
+            sphere_d(SPHERE_D, NEAREST_PIXEL, REACH): [SphereView<f64>, SphereArrays], 0 => 21;
+            term(TERM): [], 8 => 6;
+            normal(NORMAL): [SphereView<f64>], 9 => 9;
+            lights(TO_LIGHT, SPHERE_WEIGHT, WEIGHT): [TileLight<f64>, SphereArrays, TriangleArrays], 0 => 6;
             least_and_most(LEAST_AND_MOST): [], 3 => 2;
         }
     };

@@ -69,25 +69,17 @@ pub fn is_proved(operation: &str, implementation: &str) -> Option<bool> {
 /// blocks of an object, in which integers choose the lanes that f64 decides. There it stops: such a
 /// solver expands each product and each root of floats into gates, thousands for one of f64, where
 /// equal expressions are equal without. So loops are compared with their twins by tests.
-pub const EXCEPTIONS: [(&str, &str); 15] = [
+pub const EXCEPTIONS: [(&str, &str); 8] = [
     ("FIRST_AND_PAST", INTEGERS),
     ("LENGTH", INTEGERS),
     ("ONE_RAY", INTEGERS),
     ("MEETS", INTEGERS),
-    ("NEAREST_PIXEL", SIGN),
-    ("SPHERE_D", MEMORY),
-    ("TERM", MEMORY),
-    ("NORMAL", MEMORY),
-    ("TO_LIGHT", INLINE),
-    ("SPHERE_WEIGHT", INLINE),
-    ("WEIGHT", INLINE),
     ("PLACE_IN_CELLS", INLINE),
     ("BOUNDS_OF_CASTERS", MEMORY),
     ("EDGE_OF_TRIANGLE", MEMORY),
     ("EDGES_OF_CASTERS", MEMORY),
 ];
 const INTEGERS: &str = "it computes with integers, of which the model knows results alone";
-const SIGN: &str = "it takes the sign of a computed number, which may be a NaN";
 const MEMORY: &str = "it works on memory of the function around it, which tests compare as a whole";
 const INLINE: &str = "its twin is a part of a larger function, which tests compare as a whole";
 
@@ -238,7 +230,7 @@ fn compared(subject: &Subject, program: &Program) -> Result<(usize, usize), Verd
         for path in code.iter().chain(twin) {
             let conditions = path.conditions.iter().map(|condition| condition.node);
             let all: Vec<_> = path.results.iter().copied().chain(conditions).collect();
-            if graph::reads_bits_of_results(&all) {
+            if decide::reads_bits_of_results(&all) {
                 return Err(unproved(Unproved::BitsOfNan));
             }
         }

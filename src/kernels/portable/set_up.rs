@@ -278,6 +278,12 @@ fn put_inverse<W: Lanes<Number = f64>, E: Element>(
     (n[1] * all(view.down)).store(&mut planes.ty[at..]);
 }
 
+/// The weight of a light in one channel: WEIGHT.
+#[inline(always)]
+pub fn weight<W: Lanes>(colour: W, radiance: W::Number) -> W {
+    colour * W::all(radiance)
+}
+
 /// Stores the effect of each light on triangles of these colours with a corner at `v`: |n . (l -
 /// v)| / |n|, and the weights. `scale` is the scale of 1/t. The first `shades` belong to the first
 /// lane.
@@ -295,7 +301,8 @@ fn put_shades<W: Lanes<Number = f64>, E: Element>(
     for (number, light) in lights.iter().enumerate() {
         let along = dot(zip([light.x, light.y, light.z].each(all), v, W::sub), normal).abs() * per;
         let cosine = along.min(W::of(f64::INFINITY));
-        let weights = zip(colour, [light.red, light.green, light.blue].each(all), W::mul);
+        let radiance = [light.red, light.green, light.blue];
+        let weights = [0, 1, 2].each(|channel| weight(colour[channel], radiance[channel]));
         for lane in 0..W::COUNT {
             let [red, green, blue] = weights.each(|weight| E::from_f64(weight.lane(lane)));
             shades[lane * lights.len() + number] =

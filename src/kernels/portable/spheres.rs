@@ -51,7 +51,7 @@ fn centres_and_radii<W: Lanes>(of: &SphereArrays, at: usize) -> CentresAndRadii<
 
 /// The ends of silhouettes along one axis, on the film at distance 1: SILHOUETTE.
 #[inline(always)]
-pub fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
+fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
     let one = W::of(1.0);
     let root = (cx * cx + m).sqrt();
     let b = cx * cz;
@@ -115,7 +115,7 @@ pub fn pixels_between<W: Lanes<Number = f64>>([low, high]: [W; 2], side: f64) ->
 /// The pixel at the middle of two coordinates, rounded half away from 0, within the picture:
 /// NEAREST_PIXEL.
 #[inline(always)]
-pub fn nearest_pixel<W: Lanes<Number = f64>>([a, b]: [W; 2], side: W) -> W {
+fn nearest_pixel<W: Lanes<Number = f64>>([a, b]: [W; 2], side: W) -> W {
     let middle = (a + b) * W::of(0.5);
     (middle.abs() + W::of(BELOW_HALF)).floor().with_sign_of(middle).min(side).max(W::of(0.0))
 }
@@ -123,7 +123,7 @@ pub fn nearest_pixel<W: Lanes<Number = f64>>([a, b]: [W; 2], side: W) -> W {
 /// The greatest distance from the origin of the part of the outline that is in the picture, plus
 /// one pixel: REACH.
 #[inline(always)]
-pub fn reach<W: Lanes<Number = f64>>([a, b]: [W; 2], origin: W, side: W) -> W {
+fn reach<W: Lanes<Number = f64>>([a, b]: [W; 2], origin: W, side: W) -> W {
     (b.min(side) - origin).max(origin - a.max(W::of(0.0))) + W::of(1.0)
 }
 
@@ -150,28 +150,28 @@ pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3],
 }
 
 /// What bounds and shading records both need of spheres in front of the camera: SPHERE_D.
-struct InFront<W> {
+pub struct InFront<W> {
     /// The centre, in radii.
-    c: [W; 3],
+    pub c: [W; 3],
     /// c . c; `k` is c . c - 1.
-    squared: W,
-    k: W,
+    pub squared: W,
+    pub k: W,
     /// The scale divided by k and by the radius.
-    over: W,
+    pub over: W,
     /// The sphere's own origin, which is a pixel; `reach` is the greatest distance of its outline
     /// from there.
-    origin: [W; 2],
-    reach: [W; 2],
+    pub origin: [W; 2],
+    pub reach: [W; 2],
     /// The ray at the origin; `h` is c . d there, and its increments per column and per row.
-    ray: [W; 3],
-    h: [W; 3],
+    pub ray: [W; 3],
+    pub h: [W; 3],
     /// The discriminant D: its value at the origin, and its coefficients of x, y, x^2, x y and y^2.
-    d: [W; 6],
+    pub d: [W; 6],
 }
 
 impl<W: Lanes<Number = f64>> InFront<W> {
     #[inline(always)]
-    fn new(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Self {
+    pub fn new(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Self {
         let (all, half, one) = (W::all, W::of(0.5), W::of(1.0));
         let step = all(view.step);
         let c = centre.each(|x| x / radius);
@@ -213,6 +213,38 @@ fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mu
     past
 }
 
+/// The sum of the magnitudes of the terms of D at so many columns and rows from its origin. TERM
+/// adds each term but the first.
+#[inline(always)]
+pub fn sum_of_terms<W: Lanes>(d: [W; 6], [i, j]: [W; 2]) -> W {
+    let terms = [d[1] * i, d[2] * j, d[3] * i * i, d[4] * i * j, d[5] * j * j];
+    terms.into_iter().fold(d[0].abs(), |sum, term| sum + term.abs())
+}
+
+/// The vector from centres to a light, in radii: TO_LIGHT.
+#[inline(always)]
+pub fn to_light<W: Lanes<Number = f64>>(light: &TileLight<f64>, centre: [W; 3], radius: W) -> [W; 3] {
+    zip([light.x, light.y, light.z].each(W::all), centre, |l, c| (l - c) / radius)
+}
+
+/// The weight of a light in one channel, where white is `white`, at most `most` unless that is
+/// infinite: SPHERE_WEIGHT.
+#[inline(always)]
+pub fn weight<W: Lanes<Number = f64>>(colour: W, radiance: f64, white: f64, most: f64) -> W {
+    let weight = colour * W::all(white) * W::all(radiance);
+    if most.is_finite() { weight.min(W::all(most)) } else { weight }
+}
+
+/// The first part of the normal divided by t, n / t = (d - h c / k) - sqrt(D) c / k over the radius,
+/// along one axis, and its increments per column and per row: NORMAL. `t` is h / k and its
+/// increments, `ray` is d, its increment per column and its decrement per row, and `per` is the
+/// scale divided by the radius.
+#[inline(always)]
+pub fn normal<W: Lanes>(c: W, t: [W; 3], ray: [W; 3], per: W) -> [W; 3] {
+    let t = t.each(|t| t * c);
+    [ray[0] - t[0], ray[1] - t[1], t[2] - ray[2]].each(|x| x * per)
+}
+
 /// Sets up a chunk of spheres as functions of the pixels, each relative to the sphere's own origin.
 pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     view: &SphereView<f64>,
@@ -223,10 +255,9 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
 ) {
     for at in (0..chunk::<W>(spheres, of)).step_by(W::COUNT) {
         let CentresAndRadii { centre, radius } = centres_and_radii::<W>(of, at);
-        let InFront { over, origin, reach: [i, j], h: [h, hx, hy], d, .. } = InFront::new(view, centre, radius);
+        let InFront { over, origin, reach, h: [h, hx, hy], d, .. } = InFront::new(view, centre, radius);
         // The rounding error of D is at most a few units of its terms at the outline.
-        let terms = [d[1] * i, d[2] * j, d[3] * i * i, d[4] * i * j, d[5] * j * j];
-        let bound = terms.into_iter().fold(d[0].abs(), |sum, term| sum + term.abs()) * W::of(ROUNDINGS);
+        let bound = sum_of_terms(d, reach) * W::of(ROUNDINGS);
         let fields = [
             (&mut planes.d0, d[0]),
             (&mut planes.dx, d[1]),
@@ -265,20 +296,11 @@ struct ShadedPacket<'a, W> {
 }
 
 impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
-    /// The vector from the centre to a light, in radii.
-    #[inline(always)]
-    fn to_light(&self, light: &TileLight<f64>) -> [W; 3] {
-        zip([light.x, light.y, light.z].each(W::all), self.centre, |l, c| (l - c) / self.radius)
-    }
-
     /// The weights of a light in each channel, where white is `white`.
     #[inline(always)]
     fn weights(&self, light: &TileLight<f64>, white: f64) -> [W; 3] {
-        let radiance = [light.red, light.green, light.blue].each(W::all);
-        zip(self.colour, radiance, |colour, light| {
-            let weight = colour * W::all(white) * light;
-            if self.most_weight.is_finite() { weight.min(W::all(self.most_weight)) } else { weight }
-        })
+        let radiance = [light.red, light.green, light.blue];
+        [0, 1, 2].each(|channel| weight(self.colour[channel], radiance[channel], white, self.most_weight))
     }
 
     /// The index of the record of a light for the sphere in a lane.
@@ -296,7 +318,7 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         let mut accurate = all(f64::mask(true));
         let length = squared.sqrt() + one;
         for (number, light) in self.lights.iter().enumerate() {
-            let from_centre = self.to_light(light);
+            let from_centre = to_light(light, self.centre, self.radius);
             let distance = dot_unfused(from_centre, from_centre).sqrt();
             let (gap, products) = (distance - one, distance * length);
             let l = [light.x, light.y, light.z].each(|x| all(x) / self.radius);
@@ -321,7 +343,7 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
     fn put_longs<E: Element>(&self, records: &mut SphereRecords<E>) {
         let far = W::all(self.view.far);
         for (number, light) in self.lights.iter().enumerate() {
-            let from_centre = self.to_light(light);
+            let from_centre = to_light(light, self.centre, self.radius);
             let distance = dot_unfused(from_centre, from_centre).sqrt();
             let is_far = distance.greater(far);
             let over = far / distance;
@@ -335,18 +357,17 @@ impl<W: Lanes<Number = f64>> ShadedPacket<'_, W> {
         }
     }
 
-    /// The first part of the normal divided by t, n / t = (d - h c / k) - sqrt(D) c / k over the
-    /// radius, and its increments per column and per row: NORMAL.
+    /// The first part of n / t along each axis, and its increments per column and per row.
     #[inline(always)]
     fn normals(&self) -> [[W; 3]; 3] {
         let InFront { c, k, ray, h, .. } = self.in_front;
         let (step, zero) = (W::all(self.view.step), W::of(0.0));
         let t = h.each(|h| h / k);
-        let normal = |axis: usize, column: W, row: W| {
-            let t = t.each(|t| t * c[axis]);
-            [ray[axis] - t[0], column - t[1], t[2] - row].each(|x| x * self.per)
-        };
-        [normal(0, step, zero), normal(1, zero, step), normal(2, zero, zero)]
+        [
+            normal(c[0], t, [ray[0], step, zero], self.per),
+            normal(c[1], t, [ray[1], zero, step], self.per),
+            normal(c[2], t, [ray[2], zero, zero], self.per),
+        ]
     }
 
     /// Makes the records of the spheres. Those in the mask `accurate` have the short form.

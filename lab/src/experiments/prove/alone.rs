@@ -12,11 +12,11 @@ use rayo::internals::kernels::harness::lanes::{self, Lanes, Packet};
 use rayo::internals::kernels::harness::nearest::{self, Planes};
 use rayo::internals::kernels::harness::set_up::{self, Projected, Volume};
 use rayo::internals::kernels::harness::shadows::{self, Query};
-use rayo::internals::kernels::harness::spheres;
+use rayo::internals::kernels::harness::spheres::{self, InFront};
 use rayo::internals::kernels::harness::{rows, shade};
 use rayo::internals::kernels::{
     self, Alone, CasterBounds, CasterEdges, Isa, LitSphere, ObjectLight, Plain, ShortLight, SphereArrays, SphereCaster,
-    SpherePlanes, SphereView, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    SpherePlanes, SphereView, TileLight, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
 };
 use rayo::internals::render::Precision;
 
@@ -152,6 +152,18 @@ fn corners<W: Lanes>(arguments: &Arguments<'_, W>, first: usize) -> [[W; 3]; 3] 
     ]
 }
 
+/// A view of all constants of the functions that set up spheres.
+fn sphere_view<W: Lanes<Number = f64>>(arguments: &Arguments<'_, W>) -> SphereView<f64> {
+    record!(arguments, SphereView<f64>: step half_width half_height focal scale width height most far white)
+}
+
+/// A number rounded to f32.
+fn rounded<W: Lanes<Number = f64>>(x: W) -> W {
+    let mut single = [0.0_f32];
+    x.store(&mut single);
+    W::load_bits(&single.map(f32::to_bits))
+}
+
 /// The results of the twins of macros that set up spheres.
 fn of_spheres<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -> Vec<W> {
     let a = arguments.a;
@@ -163,9 +175,33 @@ fn of_spheres<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) 
         "pixels_between" => {
             spheres::pixels_between([a(0), a(1)], (arguments.number)(offset_of!(SphereView<f64>, width))).to_vec()
         }
-        "reach" => {
-            let width = W::all((arguments.number)(offset_of!(SphereView<f64>, width)));
-            vec![spheres::reach([a(0), a(1)], a(2), width)]
+        "sphere_d" => {
+            let view = sphere_view(arguments);
+            let [x, y, z, radius] = arrays!(arguments, size_of::<SphereView<f64>>(), SphereArrays: x y z radius);
+            let InFront { c, squared, k, over, origin, reach, ray, h, d } = InFront::new(&view, [x, y, z], radius);
+            let h = [h[1], h[2], h[0]];
+            let d = [d[0], d[1], d[4], d[2], d[3], d[5]];
+            [&origin[..], &c, &[squared, k, over], &ray[..2], &h, &reach, &d].concat()
+        }
+        "term" => {
+            let sum = spheres::sum_of_terms([a(2), a(3), a(5), a(6), a(4), a(7)], [a(0), a(1)]);
+            [3, 5, 6, 4, 7].map(|i| rounded(a(i))).into_iter().chain([sum]).collect()
+        }
+        "normal" => {
+            let SphereView { step, focal, .. } = sphere_view(arguments);
+            let (step, zero, t) = (W::all(step), W::of(0.0), arguments.three(0));
+            let rays = [[a(7), step, zero], [a(8), zero, step], [W::all(focal), zero, zero]];
+            [0, 1, 2].map(|axis| spheres::normal(a(4 + axis), t, rays[axis], a(3))).concat()
+        }
+        "lights" => {
+            let light = record!(arguments, TileLight<f64>: x y z red green blue);
+            let spheres = size_of::<TileLight<f64>>();
+            let [x, y, z, radius, red, green] = arrays!(arguments, spheres, SphereArrays: x y z radius red green);
+            let [blue] = arrays!(arguments, spheres + size_of::<SphereArrays>(), TriangleArrays: blue);
+            let [x, y, z] = spheres::to_light(&light, [x, y, z], radius);
+            let red = spheres::weight(red, light.red, 255.0, f32::MAX.into());
+            let green = spheres::weight(green, light.green, 255.0, f64::INFINITY);
+            vec![x, y, z, red, green, set_up::weight(blue, light.blue)]
         }
         _ => in_both(name, arguments),
     }

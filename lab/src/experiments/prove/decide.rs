@@ -111,10 +111,34 @@ fn equal(ours: &[Node], theirs: &[Node], facts: &Facts, cases: &mut usize) -> Re
     Ok(())
 }
 
+/// Whether some of these results depend on bits of a computed number that may be wrong for a NaN or
+/// for the root of -0.
+pub fn reads_bits_of_results(results: &[Node]) -> bool {
+    graph::that_read_bits(results).into_iter().any(|node| !is_guarded(node, results))
+}
+
+/// Whether `node` takes the sign of a number, and there is a comparison that is false where that
+/// number is NaN, and without which no result depends on the sign.
+fn is_guarded(node: Node, results: &[Node]) -> bool {
+    let Expression::FlipSign(_, sign) = node.expression() else { return false };
+    let takes_sign = |node: Node| matches!(node.expression(), Expression::FlipSign(_, of) if of == sign);
+    let fails_with_sign = |comparison: &Node| comparison.operands().iter().any(|&a| graph::is_nan_with(a, sign));
+    let mut comparisons = results.iter().flat_map(|result| result.all()).filter(is_comparison).filter(fails_with_sign);
+    comparisons.any(|comparison| {
+        let facts = Facts::from([(comparison, false)]);
+        let mut known = HashMap::new();
+        let mut left = results.iter().flat_map(|result| simplified(*result, &facts, &mut known).all());
+        !left.any(takes_sign)
+    })
+}
+
+fn is_comparison(node: &Node) -> bool {
+    use Expression::{Equal, Less, LessOrEqual};
+    matches!(node.expression(), Less(..) | LessOrEqual(..) | Equal(..))
+}
+
 /// A comparison in an expression, one that contains no other comparison.
 fn innermost_comparison(of: Node) -> Option<Node> {
-    use Expression::{Equal, Less, LessOrEqual};
-    let is_comparison = |node: &Node| matches!(node.expression(), Less(..) | LessOrEqual(..) | Equal(..));
     // Operands have lower numbers than the expressions that contain them.
     of.all().into_iter().filter(is_comparison).min()
 }
@@ -170,4 +194,36 @@ fn simplified(of: Node, facts: &Facts, known: &mut HashMap<Node, Node>) -> Node 
     };
     known.insert(of, result);
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::step::model::{Number, Rounding};
+
+    #[test]
+    fn the_sign_of_what_may_be_nan_matters_unless_it_is_guarded() {
+        let [x, y, most] = ["x", "y", "most"].map(|name| graph::input(Number::Double, name));
+        let sum = graph::add(x, y);
+        let one = graph::constant(Number::Double, 1.0_f64.to_bits());
+        let turned = graph::multiply(x, graph::copy_sign(one, sum));
+        let rounded = graph::round(Rounding::Down, graph::add(graph::magnitude(sum), one));
+        let chosen = |when: Node| graph::select(when, graph::multiply(turned, y), most);
+        let size = graph::magnitude(sum);
+        let cases = [
+            ("the sign of a sum", turned, true),
+            ("that of an input", graph::multiply(x, graph::copy_sign(one, y)), false),
+            ("given to what is NaN with it", graph::copy_sign(rounded, sum), false),
+            ("given to another number", graph::copy_sign(y, sum), true),
+            ("where a comparison with it holds", chosen(graph::less(most, size)), false),
+            ("where it holds, and another", chosen(graph::both(graph::less(x, y), graph::less(most, size))), false),
+            ("where it does not hold", chosen(graph::not(graph::less(most, size))), true),
+            ("where one of others holds", chosen(graph::less(most, y)), true),
+        ];
+        for (case, result, reads) in cases {
+            assert_eq!(reads_bits_of_results(&[result]), reads, "{case}");
+        }
+        let guarded = chosen(graph::less(most, size));
+        assert!(reads_bits_of_results(&[guarded, turned]), "one of two results is not guarded");
+    }
 }

@@ -3,8 +3,8 @@
 //! A node stands for the result of its operations for all values of the inputs; which NaN a NaN is,
 //! it leaves open. Each rule below replaces an expression by an equal one, so that two computations
 //! whose nodes are the same are equal for all inputs. A rule that holds only for some inputs or
-//! uses is a lemma: its uses are counted, and [`reads_bits_of_results`] finds the places where it
-//! would not hold.
+//! uses is a lemma: its uses are counted, and [`that_read_bits`] finds the places where it would
+//! not hold.
 //!
 //! The graph is local to a thread, so that nodes can be plain numbers with operators.
 
@@ -273,11 +273,14 @@ fn any_nan(operands: &[Node]) -> bool {
     operands.iter().any(|operand| operand.is_nan())
 }
 
-/// a + b = b + a.
+/// a + b = b + a, and a + -0 = a.
 pub fn add(a: Node, b: Node) -> Node {
     let format = a.format();
     if any_nan(&[a, b]) {
         return nan(format);
+    }
+    if let Some(other) = [(a, b), (b, a)].iter().find(|(a, _)| a.constant() == Some(format.sign())) {
+        return other.1;
     }
     folded(format, Float::Add, &[a, b]).unwrap_or_else(|| node(format, Add(a.min(b), a.max(b))))
 }
@@ -302,7 +305,7 @@ pub fn multiply(a: Node, b: Node) -> Node {
         _ => None,
     };
     if let Some((x, sign)) = sign_of(a).map(|sign| (b, sign)).or(sign_of(b).map(|sign| (a, sign))) {
-        return node(format, FlipSign(x, sign));
+        return flip_sign(x, sign);
     }
     let is_negative = a.is_negated() != b.is_negated();
     let (a, b) = (a.stripped(), b.stripped());
@@ -409,6 +412,22 @@ pub fn copy_sign(magnitude_of: Node, sign_of: Node) -> Node {
     }
 }
 
+/// A number, negated where another has its sign bit. A number without a sign gets that sign.
+fn flip_sign(a: Node, sign_of: Node) -> Node {
+    if has_no_sign(a) { copy_sign(a, sign_of) } else { node(a.format(), FlipSign(a, sign_of)) }
+}
+
+/// Whether the sign bit is clear unless the number is NaN: in magnitudes, and their rounded sums.
+fn has_no_sign(a: Node) -> bool {
+    match a.expression() {
+        Magnitude(_) => true,
+        Constant(bits) => bits & a.format().sign() == 0,
+        Add(a, b) => has_no_sign(a) && has_no_sign(b),
+        Round(_, a) => has_no_sign(a),
+        _ => false,
+    }
+}
+
 /// The minimum as x86 computes it: a where a < b, else b.
 pub fn min(a: Node, b: Node) -> Node {
     select(less(a, b), a, b)
@@ -420,7 +439,8 @@ pub fn max(a: Node, b: Node) -> Node {
 }
 
 /// The first number where the condition holds, else the second. It is one of them if both are the
-/// same or the condition is constant.
+/// same or the condition is constant. Of two nested choices with the same second number it makes
+/// one, by both conditions.
 pub fn select(when: Node, a: Node, b: Node) -> Node {
     match when.expression() {
         True => return a,
@@ -437,7 +457,11 @@ pub fn select(when: Node, a: Node, b: Node) -> Node {
         Select(again, _, b) if again == when => b,
         _ => b,
     };
-    if a == b { a } else { node(a.format(), Select(when, a, b)) }
+    match a.expression() {
+        _ if a == b => a,
+        Select(also, a, c) if c == b => select(both(when, also), a, b),
+        _ => node(a.format(), Select(when, a, b)),
+    }
 }
 
 /// All bits set where a condition holds, else no bit.
@@ -628,7 +652,7 @@ fn by_sign(logic: Logic, a: Node, b: Node) -> Option<Node> {
     match (logic, a.expression(), b.expression()) {
         (Logic::Xor, Bits(Logic::Xor, x, y), _) if y == b => Some(x),
         (Logic::Xor, Bits(Logic::Xor, x, y), _) if x == b => Some(y),
-        (Logic::Xor, Sign(of), _) => Some(node(a.format(), FlipSign(b, of))),
+        (Logic::Xor, Sign(of), _) => Some(flip_sign(b, of)),
         (Logic::Or, Sign(of), Magnitude(_)) => Some(copy_sign(b, of)),
         (Logic::Or, Sign(of), Root(_)) => {
             count(Lemma::RootHasNoSign);
@@ -673,12 +697,30 @@ pub fn pair(lower: Node, upper: Node) -> Node {
     }
 }
 
-/// Whether some of these results depend on bits of a computed number that may be wrong for a NaN or
-/// for the root of -0: on a half of the number, or on its sign. The sign of h in h + root is no
-/// such bit, since it does not matter there.
-pub fn reads_bits_of_results(results: &[Node]) -> bool {
+/// The nodes in these results that depend on bits of a computed number that may be wrong for a NaN
+/// or for the root of -0: on a half of the number, or on its sign. Left out are the sign of h in
+/// h + root, and a sign that is given to what is NaN wherever the number is: they do not matter.
+pub fn that_read_bits(results: &[Node]) -> Vec<Node> {
     let all: HashSet<Node> = results.iter().flat_map(|result| result.all()).collect();
-    all.iter().any(|node| reads_bits(*node, results, &all))
+    all.iter().copied().filter(|node| reads_bits(*node, results, &all)).collect()
+}
+
+/// Whether a number is computed from another by arithmetic alone, so that it is NaN where the other
+/// one is.
+pub fn is_nan_with(number: Node, other: Node) -> bool {
+    let mut found = HashSet::new();
+    let mut open = vec![number];
+    while let Some(node) = open.pop() {
+        if node == other {
+            return true;
+        }
+        if let Add(..) | Multiply(..) | Divide(..) | Fma(..) | Root(_) | Negate(_) | Magnitude(_) | Round(..)
+        | Convert(_) = node.expression()
+        {
+            open.extend(node.operands().into_iter().filter(|operand| found.insert(*operand)));
+        }
+    }
+    false
 }
 
 /// Whether a node reads such bits of its operands. `all` are the nodes that the results depend on.
@@ -687,9 +729,10 @@ fn reads_bits(node: Node, results: &[Node], all: &HashSet<Node>) -> bool {
     match node.expression() {
         Sign(a) | Half(a, _) => !is_given(a),
         Bits(_, a, b) | Pair(a, b) => !is_given(a) || !is_given(b),
-        FlipSign(_, sign) => !is_given(sign),
+        FlipSign(a, sign) => !is_given(sign) && !is_nan_with(a, sign),
         CopySign(magnitude_of, sign) => {
-            let is_plain = is_given(sign) && !matches!(magnitude_of.expression(), Root(_));
+            let is_known = is_given(sign) || is_nan_with(magnitude_of, sign);
+            let is_plain = is_known && !matches!(magnitude_of.expression(), Root(_));
             let sum = Add(node.min(sign), node.max(sign));
             let mut users = all.iter().filter(|user| user.operands().contains(&node));
             !is_plain && (results.contains(&node) || users.any(|user| user.expression() != sum))
