@@ -291,9 +291,21 @@ ENDFUNC
     WEIGHT  5, blue
     RETURN  0, 6
 
-    ALONE   least_and_most, 3, 0, 0
-    LEAST_AND_MOST v3, v4, v0, v1, v2
-    RETURN  3, 2
+    ALONE   casters, 0, LightSideView_size, CasterEdges_size + CasterBounds_size
+    mov     r8, rbx
+    mov     r11, rdx
+    mov     r9, rax
+    lea     r10, [rax + CasterEdges_size]
+    lea     rbx, [rdi + ELEM * LightSideView_size + TriangleArrays.ax]
+    lea     rcx, [rdi + ELEM * LightSideView_size + TriangleArrays.ay]
+    lea     rdx, [rdi + ELEM * LightSideView_size + TriangleArrays.az]
+    BOUNDS_OF_CASTERS
+    EDGES_OF_CASTERS
+    mov     rbx, r8
+    mov     rdx, r11
+    RESULTS WIDEN, r10, CasterBounds.y - CasterBounds.x, 5
+    RESULTS WIDEN, r9, CasterEdges.b1 - CasterEdges.a1, 9
+    RETURN  0, 0
 %endmacro
 
 ; ALONE_IN_SINGLE - the functions of macros that are used in f32 only.

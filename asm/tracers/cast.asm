@@ -75,7 +75,7 @@
 ; PLACE_IN_CELLS - v<n> = v<n> over depth, counted in cells, where 1 over that is in v12.
 ;
 ;   instructions   3
-;   equals        kernels::portable::shadows::cast
+;   equals        kernels::portable::shadows::SeenTriangles::new, a part of it
 %macro PLACE_IN_CELLS 2
 %define %%n %1          ; [in/out]   number of a register
 %define %%axis %2       ; [in]       x or y
@@ -104,7 +104,7 @@
 ;                     v9 v10 = the ends x, past_x and y as stored, v11 = the rounding of edges, v6 = the least depth.
 ;                     Clobbers v7 and v12 to v14.
 ;
-;   equals        kernels::portable::shadows::cast
+;   equals        kernels::portable::shadows::SeenTriangles::new
 %macro BOUNDS_OF_CASTERS 0
 %assign %%n 0
 %rep 3
@@ -181,7 +181,7 @@
 ; EDGE_OF_TRIANGLE - stores the edge from corner v to w, with the sign in v7 and the rounding in v11; where the mask is
 ;                    not, an end of the bounds. Clobbers v6, v12 to v14.
 ;
-;   equals        kernels::portable::shadows::cast
+;   equals        kernels::portable::shadows::SeenTriangles::edges, a third of it
 %macro EDGE_OF_TRIANGLE 6
 %define %%n %1          ; [in]       1, 2 or 3
 %define %%v %2          ; [in]       0, 1 or 2
@@ -215,7 +215,7 @@
 ;   Edge functions have the sign of the area. Where that is in doubt, or numbers are too large for f32, three ends of
 ;   the bounds are edges.
 ;
-;   equals        kernels::portable::shadows::cast
+;   equals        kernels::portable::shadows::SeenTriangles::edges
 %macro EDGES_OF_CASTERS 0
     VSUB    v7, v2, v0
     VSUB    v12, v5, v1

@@ -4,8 +4,9 @@
 use super::isa::Isa;
 use super::kernel::{Kernel, kernel, reads, writes};
 use super::records::{
-    CasterBounds, CasterEdges, LightPosition, LitSphere, ObjectLight, ShortLight, SphereArrays, SphereCaster,
-    SpherePlanes, SphereView, TileLight, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    CasterBounds, CasterEdges, LightPosition, LightSideView, LitSphere, ObjectLight, ShortLight, SphereArrays,
+    SphereCaster, SpherePlanes, SphereView, TileLight, TileSphere, TileView, TriangleArrays, TriangleCaster,
+    TrianglePlanes,
 };
 
 /// Macros as a function that takes a record and packets.
@@ -113,7 +114,8 @@ macro_rules! in_double {
             term(TERM): [], 8 => 6;
             normal(NORMAL): [SphereView<f64>], 9 => 9;
             lights(TO_LIGHT, SPHERE_WEIGHT, WEIGHT): [TileLight<f64>, SphereArrays, TriangleArrays], 0 => 6;
-            least_and_most(LEAST_AND_MOST): [], 3 => 2;
+            casters(BOUNDS_OF_CASTERS, PLACE_IN_CELLS, LEAST_AND_MOST, EDGES_OF_CASTERS, EDGE_OF_TRIANGLE):
+                [LightSideView<f64>, TriangleArrays], 0 => 14;
         }
     };
 }

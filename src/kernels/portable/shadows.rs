@@ -164,21 +164,21 @@ pub fn seen<W: Lanes<Number = f64>>(
 
 /// The minimum and the maximum of three numbers.
 #[inline(always)]
-pub fn least_and_most<W: Lanes>([a, b, c]: [W; 3]) -> [W; 2] {
+fn least_and_most<W: Lanes>([a, b, c]: [W; 3]) -> [W; 2] {
     [a.min(b).min(c), a.max(b).max(c)]
 }
 
 /// Triangles as a light sees them through a side of its cube.
-struct SeenTriangles<W> {
+pub struct SeenTriangles<W> {
     /// The corners: x and y in cells, and the depth.
     corners: [[W; 3]; 3],
     /// The ends of the bounds, widened by the slack. The lower ends are negated.
-    x: W,
-    y: W,
-    past_x: W,
-    past_y: W,
+    pub x: W,
+    pub y: W,
+    pub past_x: W,
+    pub past_y: W,
     /// The depth of the nearest corner, negated.
-    depth: W,
+    pub depth: W,
     /// A mask of the triangles that are in front of the light with all corners.
     is_before: W,
     /// A bound on the rounding errors of the edges.
@@ -189,7 +189,7 @@ impl<W: Lanes<Number = f64>> SeenTriangles<W> {
     /// Makes them from corners that are relative to the light, in the axes of the side:
     /// BOUNDS_OF_CASTERS.
     #[inline(always)]
-    fn new(view: &LightSideView<f64>, corners: [[W; 3]; 3]) -> Self {
+    pub fn new(view: &LightSideView<f64>, corners: [[W; 3]; 3]) -> Self {
         let (all, zero, one, infinity) = (W::all, W::of(0.0), W::of(1.0), W::of(f64::INFINITY));
         let corners = corners.each(|[x, y, z]| {
             let z = z * all(view.sign);
@@ -216,15 +216,15 @@ impl<W: Lanes<Number = f64>> SeenTriangles<W> {
     /// The three edges. Where these would lose too many digits, three ends of the bounds take their
     /// place: EDGES_OF_CASTERS.
     #[inline(always)]
-    fn edges(&self) -> [[W; 3]; 3] {
+    pub fn edges(&self) -> [[W; 3]; 3] {
         let (zero, one) = (W::of(0.0), W::of(1.0));
         let rounded = self.rounded;
         let [a, b, c] = self.corners;
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let sign = one.with_sign_of(area);
         let is_plain = area.abs().greater(rounded).and(self.is_before).and(W::of(1e30).greater(rounded));
         let edge = |v: [W; 3], w: [W; 3], instead: [W; 3]| {
-            let with_sign = |x: W| x.zip(area, |x, area| if area.is_sign_negative() { -x } else { x });
-            let (a, b) = (with_sign(v[1] - w[1]), with_sign(w[0] - v[0]));
+            let (a, b) = ((v[1] - w[1]) * sign, (w[0] - v[0]) * sign);
             let edge = [a, b, rounded - (a * v[0] + b * v[1])];
             zip(edge, instead, |edge, instead| is_plain.select(edge, instead))
         };

@@ -11,12 +11,13 @@ use crate::experiments::step::model::Number as Format;
 use rayo::internals::kernels::harness::lanes::{self, Lanes, Packet};
 use rayo::internals::kernels::harness::nearest::{self, Planes};
 use rayo::internals::kernels::harness::set_up::{self, Projected, Volume};
-use rayo::internals::kernels::harness::shadows::{self, Query};
+use rayo::internals::kernels::harness::shadows::{self, Query, SeenTriangles};
 use rayo::internals::kernels::harness::spheres::{self, InFront};
 use rayo::internals::kernels::harness::{rows, shade};
 use rayo::internals::kernels::{
-    self, Alone, CasterBounds, CasterEdges, Isa, LitSphere, ObjectLight, Plain, ShortLight, SphereArrays, SphereCaster,
-    SpherePlanes, SphereView, TileLight, TileSphere, TileView, TriangleArrays, TriangleCaster, TrianglePlanes,
+    self, Alone, CasterBounds, CasterEdges, Isa, LightSideView, LitSphere, ObjectLight, Plain, ShortLight,
+    SphereArrays, SphereCaster, SpherePlanes, SphereView, TileLight, TileSphere, TileView, TriangleArrays,
+    TriangleCaster, TrianglePlanes,
 };
 use rayo::internals::render::Precision;
 
@@ -240,7 +241,14 @@ fn in_double<W: Lanes<Number = f64>>(name: &str, arguments: &Arguments<'_, W>) -
             let points = Query { p: arguments.three(0), size: a(6), own: a(7), g: arguments.three(3) };
             vec![shadows::sphere_hides(&caster, &points).and(W::of(1.0))]
         }
-        "least_and_most" => shadows::least_and_most(arguments.three(0)).to_vec(),
+        "casters" => {
+            let view = record!(arguments, LightSideView<f64>: across down depth sign low_x low_y scale_x scale_y slack);
+            let light = [view.across, view.down, view.depth].map(W::all);
+            let corners = corners(arguments, size_of::<LightSideView<f64>>());
+            let seen = SeenTriangles::new(&view, corners.map(|corner| lanes::zip(corner, light, W::sub)));
+            let bounds = [seen.x, seen.y, seen.past_x, seen.past_y, seen.depth];
+            [&bounds, seen.edges().as_flattened()].concat().into_iter().map(rounded).collect()
+        }
         _ => of_spheres(name, arguments),
     }
 }
