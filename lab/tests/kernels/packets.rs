@@ -287,8 +287,8 @@ fn tiles_of<E: Element + Debug>(
         let found = packets.sphere_bounds.call(&weighted.spheres, &scene.spheres, 5, keep_all, &mut candidates);
         add(&mut made, "bounds of spheres", &(found, &candidates[..found.unwrap().count]));
     }
+    candidates.truncate(count);
     candidates.iter_mut().for_each(|candidate| candidate.id -= 5);
-    let candidates = candidates[..count].to_vec();
     let order: Vec<_> = (0..=3 * CHUNK as u32).rev().map(|place| place % 150).collect();
     let order = [&[0], &order[..]].concat();
     let spheres = SphereChunk { spheres: &scene.spheres, candidates: &candidates };

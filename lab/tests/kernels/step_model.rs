@@ -44,7 +44,7 @@ fn every_instruction_of_every_kernel_is_known() {
         rip: 0x1000,
         flags: 0,
         mxcsr: 0x1f80,
-        vectors: [std::array::from_fn(|byte| 7 * byte as u8); 32],
+        vectors: [std::array::from_fn(|byte| (7 * byte) as u8); 32],
         masks: [0x5555_5555_5555_5555; 8],
     };
     let touched = Touched { address: 0x2000, bytes: 64, before: [1; 64], after: [1; 64] };
