@@ -62,14 +62,14 @@ struct Instruction {
     comment: usize,
 }
 
-/// Strings, each stored once.
+/// StringTable, each stored once.
 #[derive(Default)]
-struct Strings {
+struct StringTable {
     all: Vec<String>,
     places: HashMap<String, usize>,
 }
 
-impl Strings {
+impl StringTable {
     fn place(&mut self, text: &str) -> usize {
         if let Some(&place) = self.places.get(text) {
             return place;
@@ -183,7 +183,7 @@ fn sentence_end(text: &str) -> usize {
     text.match_indices(". ").map(|(at, _)| at).find(|at| is_end(*at)).map_or(text.len(), |at| at + 1)
 }
 
-fn read_sources(strings: &mut Strings) -> Sources {
+fn read_sources(strings: &mut StringTable) -> Sources {
     let mut files: Vec<_> = ["asm/include", "asm/ops", "asm/tracers"]
         .iter()
         .flat_map(|folder| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()))
@@ -228,7 +228,7 @@ struct Shifts {
 
 impl Shifts {
     /// Takes the next line.
-    fn take(&mut self, line: &Line<'_>, strings: &mut Strings) {
+    fn take(&mut self, line: &Line<'_>, strings: &mut StringTable) {
         self.open.retain(|(depth, _)| *depth < line.depth);
         if let Some((depth, number, file)) = self.included.take() {
             let shift = if line.number == number + 1 { number } else { 0 };
@@ -260,7 +260,7 @@ fn is_measured(function: &str) -> bool {
 /// # Panics
 /// Where the bytes of an instruction are not those of the object.
 pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
-    let mut strings = Strings::default();
+    let mut strings = StringTable::default();
     let Sources { macros, places, comments } = read_sources(&mut strings);
     let nothing = strings.place("");
     let (mut calls, mut open): (Vec<Call>, Vec<usize>) = (Vec::new(), Vec::new());
@@ -340,7 +340,7 @@ fn check(instructions: &[Instruction], object: &Path) {
 
 /// The table in the format that the head of this file describes, with only what instructions refer
 /// to.
-fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[Instruction]) -> Vec<u8> {
+fn write(strings: &StringTable, macros: &[Macro], calls: &[Call], instructions: &[Instruction]) -> Vec<u8> {
     fn number(out: &mut Vec<u8>, mut value: usize) {
         while value >= 0x80 {
             out.push(value as u8 | 0x80);
@@ -366,7 +366,7 @@ fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[In
     for (place, &call) in kept.iter().enumerate() {
         places[call] = place + 1;
     }
-    let mut new_strings = Strings::default();
+    let mut new_strings = StringTable::default();
     let mut place = |old: usize| new_strings.place(&strings.all[old]);
     let mut body = Vec::new();
     number(&mut body, macros.len());

@@ -31,7 +31,7 @@ pub fn run(args: &WindowArgs) -> Result<ExitCode, Failure> {
     let beside = std::env::current_exe().map(|this| this.with_file_name(&name)).ok().filter(|path| path.is_file());
     // If it is not in this program's directory, the system searches PATH.
     let mut command = Command::new(beside.unwrap_or(name));
-    start(command.args(&args.arguments)).map_err(|error| match error.kind() {
+    run_instead_of_this(command.args(&args.arguments)).map_err(|error| match error.kind() {
         ErrorKind::NotFound => Failure::output(
             "the program rayo-view is not installed beside rayo: `make view SCENE=...` in the repository builds and starts it",
         ),
@@ -41,7 +41,7 @@ pub fn run(args: &WindowArgs) -> Result<ExitCode, Failure> {
 
 /// Replaces this process by the program, so that signals reach it.
 #[cfg(unix)]
-fn start(command: &mut Command) -> io::Result<ExitCode> {
+fn run_instead_of_this(command: &mut Command) -> io::Result<ExitCode> {
     use std::os::unix::process::CommandExt as _;
 
     Err(command.exec())
@@ -49,7 +49,7 @@ fn start(command: &mut Command) -> io::Result<ExitCode> {
 
 /// Runs the program and ends with its exit status.
 #[cfg(not(unix))]
-fn start(command: &mut Command) -> io::Result<ExitCode> {
+fn run_instead_of_this(command: &mut Command) -> io::Result<ExitCode> {
     let status = command.status()?;
     Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
 }

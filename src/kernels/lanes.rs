@@ -12,12 +12,12 @@ use super::types::{Frame, Vec4};
 /// A cache line of numbers; every record begins with one.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-struct Line([f32; 16]);
+struct CacheLine([f32; 16]);
 
 /// The records of objects of one kind.
 #[derive(Clone, Debug, Default)]
 struct Records {
-    lines: Vec<Line>,
+    lines: Vec<CacheLine>,
     /// The number of lines in a record.
     each: usize,
 }
@@ -26,7 +26,7 @@ impl Records {
     fn push(&mut self, numbers: impl Iterator<Item = f32>) {
         let (numbers, before) = (numbers.collect::<Vec<_>>(), self.lines.len());
         for line in numbers.chunks(16) {
-            self.lines.push(Line([0.0; 16]));
+            self.lines.push(CacheLine([0.0; 16]));
             self.lines.last_mut().expect("the line just made").0[..line.len()].copy_from_slice(line);
         }
         self.each = self.lines.len() - before;
@@ -82,7 +82,7 @@ kinds! {
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         if pixels > 0 {
-            let bytes = |lines: usize| (lines * size_of::<Line>()) as u64;
+            let bytes = |lines: usize| (lines * size_of::<CacheLine>()) as u64;
             let LaneObjects { lights, spheres, triangles, .. } = objects;
             // All records of a list have the same size and hold what the kernel reads; lines of 64
             // bytes keep them aligned. There is at least one row and one column, and `out` has room

@@ -17,7 +17,7 @@ pub use light::lights;
 pub use lit::{LitForm, Scale};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
-pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
+pub use report::{ByTiles, Kept, LeftOut, Report, with_digit_groups};
 pub use shadows::{Casters, LightSide, Shadows, SideBounds, Window};
 pub use team::{Halved, MAX_THREADS, Team, on_all_cores};
 pub use tile_report::TileSurvey;

@@ -163,7 +163,7 @@ impl Report {
         lines.extend(self.tiles.iter().map(ByTiles::line));
         lines.push(if self.left_out.is_empty() { "left out: nothing".into() } else { "left out:".into() });
         let what = self.left_out.iter().map(|line| line.what.len()).max().unwrap_or(0);
-        let counts: Vec<_> = self.left_out.iter().map(|line| grouped(line.count, ',')).collect();
+        let counts: Vec<_> = self.left_out.iter().map(|line| with_digit_groups(line.count, ',')).collect();
         let count = counts.iter().map(String::len).max().unwrap_or(0);
         let line =
             |(line, counted): (&LeftOut, &String)| format!("  {counted:>count$}  {:what$}  {}", line.what, line.reason);
@@ -183,11 +183,11 @@ impl ByTiles {
 }
 
 fn counted(count: usize, one: &str) -> String {
-    format!("{} {one}{}", grouped(count as u64, ','), if count == 1 { "" } else { "s" })
+    format!("{} {one}{}", with_digit_groups(count as u64, ','), if count == 1 { "" } else { "s" })
 }
 
 /// A number with a separator before every three digits.
-pub fn grouped(number: u64, separator: char) -> String {
+pub fn with_digit_groups(number: u64, separator: char) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {

@@ -164,7 +164,7 @@ impl<'a> Developed<'a> {
     }
 
     /// Traces the plain picture, and pixels at its edges with all samples.
-    fn rows_along_edges(&self, plain: &Developed<'_>, rows: Range<u32>, mut out: FilmMut<'_>) {
+    fn rows_refined_at_edges(&self, plain: &Developed<'_>, rows: Range<u32>, mut out: FilmMut<'_>) {
         assert_rows(&rows, [self.width as u32, self.height], out.len());
         if rows.is_empty() {
             return;
@@ -226,7 +226,7 @@ impl Tracer for Developed<'_> {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         match &self.plain {
-            Some(plain) => self.rows_along_edges(plain, rows, out),
+            Some(plain) => self.rows_refined_at_edges(plain, rows, out),
             None if self.development == Development::default() && self.tracer.writes(out.format()) => {
                 self.tracer.rows(rows, out);
             }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::essay::{filled, part};
 use crate::table::{self, Column, Table};
-use rayo::internals::plan::grouped;
+use rayo::internals::plan::with_digit_groups;
 use rayo::internals::render::PixelFormat;
 use rayo::internals::scene::shown;
 use rayo_lab::experiments::document::{Conditions, Experiment};
@@ -74,7 +74,7 @@ fn size(row: &Timing) -> String {
 }
 
 fn cycles(mean: f64) -> String {
-    grouped(mean.round() as u64, ' ')
+    with_digit_groups(mean.round() as u64, ' ')
 }
 
 fn ratio_interval(row: &Timing) -> String {

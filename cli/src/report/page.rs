@@ -19,7 +19,7 @@ use crate::essay::part;
 use crate::table::words;
 use crate::{Failure, json};
 use rayo::internals::kernels::Isa;
-use rayo::internals::plan::grouped;
+use rayo::internals::plan::with_digit_groups;
 use rayo::internals::scene::printable;
 use rayo_lab::experiments::report::{Results, Stage};
 use rayo_lab::experiments::speedup::{BASELINE, PAPER};
@@ -212,7 +212,7 @@ fn section<T>(
 /// A count with its unit in the singular or plural; `unit` is the plural: "1 kind", "1 234 rays
 /// against objects".
 fn counted(count: u64, unit: &str) -> String {
-    let number = grouped(count, ' ');
+    let number = with_digit_groups(count, ' ');
     match unit.split_once(' ') {
         _ if count != 1 => format!("{number} {unit}"),
         Some((first, rest)) => format!("{number} {} {rest}", first.trim_end_matches('s')),

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::{BOLD, DIM, GREEN, RED, styled};
-use rayo::internals::plan::grouped;
+use rayo::internals::plan::with_digit_groups;
 use rayo_lab::experiments::bring::findings::{Check, Crash, Example, Picture, Ratio, Step};
 use rayo_lab::experiments::bring::lines::Line;
 use rayo_lab::experiments::bring::verdict::{FaultsVerdict, Figures, Verdict};
@@ -316,7 +316,7 @@ impl Page {
 }
 
 fn thousands(number: u64) -> String {
-    grouped(number, ',')
+    with_digit_groups(number, ',')
 }
 
 /// The instructions of a function beside those of `paper`.

@@ -11,7 +11,7 @@ use super::sweeps::{self, Axis};
 use super::verdict::Verdict;
 use crate::measure::Name;
 use crate::measure::statistics::{Estimate, maximum, minimum};
-use rayo::internals::plan::grouped;
+use rayo::internals::plan::with_digit_groups;
 
 /// A claim of the paper with its verdict. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -220,8 +220,8 @@ fn constant_ratio(speedup: &Speedup) -> Judged {
     let figure = format!(
         "C/SIMD from {low:.2} to {high:.2}, {} % apart, from {} to {} pixels; the paper's {:.1} % apart",
         percent(apart),
-        grouped(first.pixels, ' '),
-        grouped(last.pixels, ' '),
+        with_digit_groups(first.pixels, ' '),
+        with_digit_groups(last.pixels, ' '),
         100.0 * paper_spread,
     );
     if one_run(speedup) {

@@ -196,15 +196,15 @@ impl Complexity {
 
 /// `count` spheres scattered over the picture.
 fn spheres(count: u64, camera: Camera) -> Scene {
-    scattered(many(count as usize, 0, SEED), camera)
+    with_camera_and_one_light(many(count as usize, 0, SEED), camera)
 }
 
 /// `count` triangles scattered over the picture.
 fn triangles(count: u64, camera: Camera) -> Scene {
-    scattered(many(0, count as usize, SEED), camera)
+    with_camera_and_one_light(many(0, count as usize, SEED), camera)
 }
 
-fn scattered(mut scene: Scene, camera: Camera) -> Scene {
+fn with_camera_and_one_light(mut scene: Scene, camera: Camera) -> Scene {
     scene.camera = camera;
     scene.lights.truncate(1);
     scene
@@ -230,7 +230,7 @@ fn layers(count: u64, camera: Camera) -> Scene {
         Triangle { colour: Vec3::ONE, vertices }
     };
     let triangles = (0..count).map(&mut layer).collect();
-    Scene { triangles, ..scattered(many(0, 0, SEED), camera) }
+    Scene { triangles, ..with_camera_and_one_light(many(0, 0, SEED), camera) }
 }
 
 /// `count` spheres on all sides of the camera, none of which contains it.
@@ -245,7 +245,7 @@ fn crowd(count: u64, camera: Camera) -> Scene {
         }
     };
     let spheres = (0..count).map(&mut sphere).collect();
-    Scene { spheres, ..scattered(many(0, 0, SEED), camera) }
+    Scene { spheres, ..with_camera_and_one_light(many(0, 0, SEED), camera) }
 }
 
 /// The experiment's sphere under `count` lights in a half circle above it, which together are as

@@ -474,7 +474,7 @@ impl Run<'_> {
                 if told.is_empty() {
                     told.push(Vec::new());
                 }
-                others(told.last_mut().expect("there is one"), range.len());
+                add_to_others(told.last_mut().expect("there is one"), range.len());
                 continue;
             }
             let mut items = Vec::new();
@@ -522,7 +522,7 @@ impl Run<'_> {
                         if tell && !self.is_of_others(round) {
                             self.add(round, by_number, slice, within || makes_it, items);
                         } else {
-                            others(items, range.len());
+                            add_to_others(items, range.len());
                         }
                     }
                 }
@@ -531,7 +531,7 @@ impl Run<'_> {
     }
 }
 
-fn others(items: &mut Vec<Item>, more: usize) {
+fn add_to_others(items: &mut Vec<Item>, more: usize) {
     match items.last_mut() {
         Some(Item::Others { rounds, instructions }) => {
             *rounds += 1;

@@ -166,7 +166,7 @@ impl<R: Read> File<'_, R> {
     }
 
     fn note_unread_columns(&mut self, columns: Option<Columns>) {
-        if columns.is_some_and(|columns| columns.words > columns.least()) {
+        if columns.is_some_and(|columns| columns.words > columns.fewest_words()) {
             self.notes.push("columns of other numbers, such as charges and normals, were not read".to_owned());
         }
     }
@@ -232,7 +232,7 @@ impl<R: Read> File<'_, R> {
 
 impl Columns {
     /// The fewest words that each line must have.
-    fn least(&self) -> usize {
+    fn fewest_words(&self) -> usize {
         let ends = [self.label.map(|at| at + 1), self.radius.map(|at| at + 1), self.colour.map(|(at, _)| at + 3)];
         ends.into_iter().flatten().fold(self.place + 3, usize::max)
     }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 
 use super::{Section, counted, section, words};
 use crate::table::Table;
-use rayo::internals::plan::grouped;
+use rayo::internals::plan::with_digit_groups;
 use rayo_lab::experiments::gallery::{ScenePictures, Shot, farthest};
 use rayo_lab::experiments::report::{Planned, Results, Stage};
 use rayo_lab::experiments::svg::PlotError;
@@ -96,7 +96,7 @@ fn flip(shown: &ScenePictures, number: usize) -> Markup {
 fn apart(shown: &ScenePictures) -> Markup {
     let mut table = Table::new(1, ["engine", "pixels that differ", "by levels, at most"]);
     for shot in shown.pictures.iter().skip(1).filter(|shot| shot.like.is_none()) {
-        table.row(vec![like(shown, shot), grouped(shot.differing, ' '), format!("{}", shot.largest)]);
+        table.row(vec![like(shown, shot), with_digit_groups(shot.differing, ' '), format!("{}", shot.largest)]);
     }
     let same: Vec<_> = shown.pictures.iter().filter(|shot| shot.like.as_deref() == Some("reference")).collect();
     html! {

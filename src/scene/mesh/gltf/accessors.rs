@@ -33,7 +33,7 @@ struct Replaced<'a> {
 }
 
 /// A strided range of elements in a buffer view.
-struct Run {
+struct StridedRange {
     view: usize,
     offset: u64,
     /// The bytes from the start of one element to the start of the next.
@@ -101,8 +101,8 @@ pub(super) fn elements<'b>(
     if count == 0 {
         return Err(MeshError::new(format!("{name}, of {owner}, has no elements")).expected("at least one"));
     }
-    let own = own_run(accessor, buffers, size, count);
-    let replaced = replaced_runs(accessor, size, &name)?;
+    let own = own_range(accessor, buffers, size, count);
+    let replaced = replaced_ranges(accessor, size, &name)?;
     // Read all buffers before borrowing any of them.
     for run in own.iter().chain(replaced.iter().flatten()) {
         buffers.load(run.view, &name)?;
@@ -131,21 +131,21 @@ pub(super) fn elements<'b>(
 }
 
 /// The range of an accessor's own elements, if it has a buffer view.
-fn own_run(accessor: &Accessor, buffers: &Buffers<'_>, size: usize, count: usize) -> Option<Run> {
+fn own_range(accessor: &Accessor, buffers: &Buffers<'_>, size: usize, count: usize) -> Option<StridedRange> {
     let view = accessor.buffer_view?.value();
     let stride = buffers.stride(view).filter(|stride| *stride > 0).unwrap_or(size);
-    Some(Run { view, offset: accessor.byte_offset.map_or(0, |offset| offset.0), stride, size, count })
+    Some(StridedRange { view, offset: accessor.byte_offset.map_or(0, |offset| offset.0), stride, size, count })
 }
 
 /// The ranges of a sparse accessor's indices and values.
-fn replaced_runs(accessor: &Accessor, size: usize, name: &str) -> Result<Option<[Run; 2]>, MeshError> {
+fn replaced_ranges(accessor: &Accessor, size: usize, name: &str) -> Result<Option<[StridedRange; 2]>, MeshError> {
     let Some(sparse) = &accessor.sparse else { return Ok(None) };
     let Checked::Valid(index_type) = sparse.indices.component_type else {
         let fault = MeshError::new(format!("{name} has sparse indices of another type"));
         return Err(fault.expected("unsigned integers"));
     };
     let count = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
-    let run = |view: usize, offset: u64, size: usize| Run { view, offset, stride: size, size, count };
+    let run = |view: usize, offset: u64, size: usize| StridedRange { view, offset, stride: size, size, count };
     let indices = run(sparse.indices.buffer_view.value(), sparse.indices.byte_offset.0, index_type.0.size());
     let values = run(sparse.values.buffer_view.value(), sparse.values.byte_offset.0, size);
     Ok(Some([indices, values]))
@@ -162,11 +162,11 @@ fn checked<'a>(replaced: Replaced<'a>, count: usize, name: &str) -> Result<Repla
     Err(fault.expected(format!("indices from 0 to {}, each larger than the one before", count - 1)))
 }
 
-impl Run {
+impl StridedRange {
     /// The bytes from the first element on, which are checked to reach to the end of the last
     /// one.
     fn bytes<'b>(&self, buffers: &'b Buffers<'_>, name: &str) -> Result<&'b [u8], MeshError> {
-        let Run { view, offset, stride, size, count } = *self;
+        let StridedRange { view, offset, stride, size, count } = *self;
         let bytes = buffers.view_bytes(view, name)?;
         let before_last = (stride as u64).checked_mul(count.max(1) as u64 - 1);
         let needed = before_last.and_then(|before| before.checked_add(size as u64)?.checked_add(offset));
