@@ -32,8 +32,8 @@ fn levels_are_counted_as_by_hand() {
     assert_eq!((c.width, c.height, c.unit), (2, 2, Unit::Levels));
     assert_eq!((c.differing, c.off_by_1, c.off_by_2, c.infinite), (3, 3, 2, 0));
     assert_eq!((c.largest, c.largest_at), (3.0, Some((0, 1))));
-    // The differences are 1; 3; 2 and 1, over 12 channels: their sum is 7, that of their squares 1
-    // + 9 + 4 + 1 = 15.
+    // The differences are 1; 3; 2 and 1, over 12 channels: their sum is 7, that of their squares
+    // 1 + 9 + 4 + 1 = 15.
     assert!(close(c.mean, 7.0 / 12.0));
     assert!(close(c.rms, (15.0_f64 / 12.0).sqrt()));
     assert!(close(c.psnr, 10.0 * (255.0 * 255.0 / (15.0_f64 / 12.0)).log10()));

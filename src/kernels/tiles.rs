@@ -580,8 +580,8 @@ impl<E: Element> TileBuffers<E> {
         NearestAtPixel { inverse_t: self.tile.near[i], id: self.tile.who[i].to_f64() as usize }
     }
 
-    /// Makes the pixels outside a window nearer than all objects, without an object, so that they
-    /// do not affect the hierarchical depth.
+    /// Gives the pixels outside a window an infinite 1/t and no object: they count as nearer than
+    /// anything, and so do not affect the hierarchical depth, which is a least 1/t.
     pub(crate) fn close_around(&mut self, lanes: usize, window: &TileWindow) {
         let (width, height) = (window.columns as usize, window.rows.start as usize..window.rows.end as usize);
         for row in 0..TILE_HEIGHT {

@@ -129,8 +129,8 @@ impl LargeObjects<'_> {
     /// Adds up to `count` of the next objects that may be visible in a tile and may have a 1/t of
     /// at least `least` there.
     pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Candidate>) {
-        let limits = (count.min(MOST_AT_ONCE), least);
-        self.more = self.more && self.bins.add_large(tile, self.in_row, &mut self.next, limits, room);
+        let count = count.min(MOST_AT_ONCE);
+        self.more = self.more && self.bins.add_large(tile, self.in_row, &mut self.next, count, least, room);
     }
 }
 

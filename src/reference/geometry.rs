@@ -67,8 +67,8 @@ pub fn sphere_normal(p: DVec3, centre: DVec3) -> DVec3 {
 /// The t > 0 at which the ray meets the triangle, whose edges and vertices count: eq. 9 and eq. 10.
 ///
 /// Eq. 10 asks on which side of each edge P = t d lies. For a ray from the origin that is the sign
-/// of d . (v x w), for the edge from v to w, compared with the sign of the triangle's own volume v1
-/// . n, where n is the normal of eq. 6. In f64 v x w is exactly -(w x v), so that two triangles
+/// of d . (v x w), for the edge from v to w, compared with the sign of the triangle's own volume
+/// v1 . n, where n is the normal of eq. 6. In f64 v x w is exactly -(w x v), so that two triangles
 /// that share an edge never both miss a ray.
 pub fn triangle(d: DVec3, vertices: [DVec3; 3]) -> Option<f64> {
     let volume = triangle_volume(vertices)?;

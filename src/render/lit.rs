@@ -133,7 +133,7 @@ fn span_of<E: Element>(lit_rows: &LitRows<E>, row: usize) -> Range<usize> {
 /// An output of four channels, floats or bytes. Pixels of other formats are converted from one of
 /// the two.
 trait Output<E: Element>: Pixel + Plain {
-    /// The value of white in a channel.
+    /// What white is in a channel: 1 in floats, 255 in bytes.
     const SCALE: Scale;
     /// The kernel that renders rows; with estimates of roots if `fast`.
     fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self>;

@@ -100,8 +100,8 @@ struct Spot {
 }
 
 /// A sequence of points that fills the picture evenly: each step adds an irrational share of the
-/// width and of the height. The shares are those of Roberts' R₂ sequence, 1/g and 1/g² with g³ = g
-/// + 1, which leave the smallest gaps.
+/// width and of the height. The shares are those of Roberts' R₂ sequence, 1/g and 1/g², where
+/// g³ = g + 1: they leave the smallest gaps.
 struct Spots {
     across: f32,
     up: f32,

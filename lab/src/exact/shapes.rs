@@ -164,8 +164,8 @@ pub struct Meeting<N> {
     /// For a miss, the t > 0 of the hit that would occur if the input changed by the margin. None
     /// if no small change makes a hit.
     pub miss: Option<N>,
-    /// The distance from the opposite result, relative to the terms. For a sphere it is |s| with s
-    /// = D/(a r^2), for a triangle that of the edge functions divided by the sums of their terms'
+    /// The distance from the opposite result, relative to the terms. For a sphere it is |s| with
+    /// s = D/(a r^2), for a triangle that of the edge functions divided by the sums of their terms'
     /// magnitudes. Infinite if no small change alters the result.
     pub margin: f64,
     /// The documented bound of |error of t| / t of the robust kernels, in units of the kernel's u.

@@ -93,7 +93,7 @@ pub fn narrow_f32x3(four: &[Vec4], three: &mut [F32x3]) {
     four.iter().zip(three).for_each(|(four, three)| *three = [four.x, four.y, four.z]);
 }
 
-/// Finds the rows of the picture from the index `first` on.
+/// Finds the columns that a lit sphere covers in `count` rows of the picture, from row `first` on.
 pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
     setup: &LitSetup<f64>,
     first: u32,

@@ -257,7 +257,8 @@ impl Bins {
         tile: TilePlace,
         in_row: &mut LargeInRow,
         next: &mut NextLarge,
-        (count, least): (usize, f32),
+        count: usize,
+        least: f32,
         room: &mut Vec<Candidate>,
     ) -> bool {
         let (column, row) = tile.first();
@@ -573,7 +574,7 @@ mod tests {
             let mut expected: Vec<_> = objects.iter().filter(is_in).copied().collect();
             expected.sort_by_key(|object| (std::cmp::Reverse(object.most.to_bits()), object.id));
             let (mut found, mut next) = (Vec::new(), NextLarge::default());
-            while bins.add_large(tile, &mut in_row, &mut next, (3, 10.0), &mut found) {}
+            while bins.add_large(tile, &mut in_row, &mut next, 3, 10.0, &mut found) {}
             // Objects farther than the limit end it.
             expected.retain(|object| object.most >= 10.0);
             assert_eq!(found, expected, "{tile:?}");

@@ -366,8 +366,8 @@ impl Forms {
 }
 
 /// The upper bound of a triangle's 1/t at a pixel, from its plane: at the first pixel, and its
-/// increments per column and per row. None if f32 cannot hold them, if kernels have another plane,
-/// or if no ray hits the triangle.
+/// increments per column and per row. None if f32 cannot hold them, if the plane that kernels
+/// compute may differ from this one by more than the margin allows, or if no ray hits the triangle.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let geometry::PlaneOfOne { p, lost } = geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3()))?;
     let n = scale * p;
